@@ -1,0 +1,72 @@
+"""The vector relative degree of the flat output, by Lie derivatives along the forward dynamics."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from pkmsea.actuation.actuation import Actuation, stack
+from pkmsea.errors import MechanismError
+
+MAX_DEGREE = 6
+
+
+def relative_degree(actuation: Actuation) -> tuple[int, ...]:
+    """Smallest r_i such that d^r_i y_i / dt^r_i depends on tau; the decoupling matrix must have full rank.
+
+    State (q, v_ind, q_M, v_M), input tau; equations of the paper, eq. (EOMAll) and (EOMRD), for any mixture.
+    """
+    mechanism, m = actuation.mechanism, actuation.m
+    n, delta = mechanism.model.nq, mechanism.mobility
+    q, v_ind, tau = ca.SX.sym("q", n), ca.SX.sym("v_ind", delta), ca.SX.sym("tau", m)
+    q_M, v_M = ca.SX.sym("q_M", m), ca.SX.sym("v_M", m)
+    x, dx = _forward(actuation, q, v_ind, q_M, v_M, tau)
+    r_E = mechanism.functions["end_effector"](q)
+    outputs = [r_E[i] for i in range(delta)]
+    outputs += [q_M[i] if actuation.drives[i].elastic else tau[i] for i in actuation.free]
+    rng = np.random.default_rng(0)
+    state = np.concatenate([mechanism.seed, rng.normal(size=delta), rng.normal(size=2 * m)])
+    degrees, decoupling = [], []
+    for y in outputs:
+        for degree in range(MAX_DEGREE + 1):
+            row = ca.Function("row", [x, tau], [ca.densify(ca.jacobian(y, tau))])
+            gain = np.array(row(state, np.zeros(m)))
+            if np.abs(gain).max() > 0:
+                break
+            y = ca.jtimes(y, x, dx)
+        degrees.append(degree)
+        decoupling.append(gain.ravel())
+    scaled = np.array(decoupling) / np.abs(decoupling).max(axis=1, keepdims=True)
+    if np.linalg.matrix_rank(scaled, tol=1e-8) < m:
+        raise MechanismError(
+            "This flat output has no vector relative degree: its decoupling matrix is singular, because rigid and "
+            "elastic drives act on the same motion.",
+            "The flat map holds all the same; nothing needs to be done to solve such a task.",
+        )
+    return tuple(degrees)
+
+
+def _forward(
+    actuation: Actuation, q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.SX, tau: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """State x and its derivative; motor states of rigid drives stay unused."""
+    mechanism = actuation.mechanism
+    f = mechanism.functions
+    M, g, H = f["mass_matrix"](q), f["bias"](q, v_ind), f["velocity_map"](q)
+    H_A = f["actuation_jacobian"](q)
+    v_A = ca.mtimes(H_A, v_ind)
+    drift = ca.jtimes(v_A, q, ca.mtimes(H, v_ind))  # dH_A/dt v_ind
+    inertia = ca.DM([0.0 if d.elastic else d.inertia for d in actuation.drives])
+    u, dv_M = [], []
+    for i, drive in enumerate(actuation.drives):
+        if drive.elastic:
+            c = drive.stiffness_range[0]
+            u.append(c * (q_M[i] - q[mechanism.actuated[i]]))
+            dv_M.append((tau[i] - drive.friction * v_M[i] - u[i]) / max(drive.inertia, 1e-12))
+        else:
+            u.append(tau[i] - drive.friction * v_A[i] - drive.inertia * drift[i])
+            dv_M.append(ca.SX(0))
+    total = M + ca.mtimes([H_A.T, ca.diag(inertia), H_A])
+    dv_ind = ca.solve(total, ca.mtimes(H_A.T, stack(u)) - g)
+    x = ca.vertcat(q, v_ind, q_M, v_M)
+    return x, ca.vertcat(ca.mtimes(H, v_ind), dv_ind, v_M, stack(dv_M))

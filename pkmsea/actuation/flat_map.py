@@ -1,0 +1,66 @@
+"""The flat map: the whole state and all motor torques from the flat output and its time derivatives, exactly."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from pkmsea.actuation.actuation import Actuation, dependent_columns, on_joints, stack
+from pkmsea.mechanism import pose
+
+
+def flat_map(actuation: Actuation) -> ca.Function:
+    """The Function `flat_map`: y, y', ... -> q_M, v_M, tau and what lies between, no derivative approximated.
+
+    Inputs: q (n,), the closed pose at r_E (`Mechanism.configuration`); Y (delta, 5), r_E and four derivatives;
+    Z (m - delta, 3), z and two derivatives; c (m,) stiffnesses (ignored where rigid); r = (M_M, d_v) (2m,).
+    Outputs: q_M, v_M (m,), joint position and velocity for a rigid drive; tau (m,); u (m,); v, a (n,).
+
+    The load equation gives q_M = f_M(y, y', y''); its two time derivatives and tau = f_tau(y, ..., y'''') follow by
+    directional derivatives along the jet (paper, section 4.2).
+    """
+    mechanism = actuation.mechanism
+    n, delta, m = mechanism.model.nq, mechanism.mobility, actuation.m
+    k = m - delta
+    q, Y, Z = ca.SX.sym("q", n), ca.SX.sym("Y", delta, 5), ca.SX.sym("Z", k, 3)
+    c, inertia, friction = ca.SX.sym("c", m), ca.SX.sym("M_M", m), ca.SX.sym("d_v", m)
+    at = mechanism.actuated
+
+    _, A = pose.task_system(mechanism)(q)
+    zero = ca.SX(n - delta, 1)
+    v = ca.densify(ca.solve(A, ca.vertcat(zero, Y[:, 1])))
+    jet = ca.vertcat(q, ca.vec(Y[:, :4]), ca.vec(Z[:, :2]))
+    jet_rate = ca.vertcat(v, ca.vec(Y[:, 1:]), ca.vec(Z[:, 1:]))
+
+    def rate(expression: ca.SX) -> ca.SX:
+        return ca.densify(ca.jtimes(expression, jet, jet_rate))
+
+    a = rate(v)
+    load = mechanism.tree.inverse_dynamics(q, v, a)
+    u_free = [
+        c[i] * (Z[j, 0] - q[at[i]])
+        if actuation.drives[i].elastic
+        else Z[j, 0] - inertia[i] * a[at[i]] - friction[i] * v[at[i]]
+        for j, i in enumerate(actuation.free)
+    ]
+    u = ca.SX(m, 1)
+    u[actuation.free] = stack(u_free)
+    G = mechanism.functions["closure_jacobian"](q)
+    solved = ca.solve(ca.horzcat(ca.SX(dependent_columns(actuation)), G.T), load - on_joints(u, at, n))
+    u[actuation.dependent] = solved[:delta]
+
+    elastic = [drive.elastic for drive in actuation.drives]
+    q_M = stack([q[at[i]] + (u[i] / c[i] if elastic[i] else 0) for i in range(m)])
+    for j, i in enumerate(actuation.free):
+        if elastic[i]:
+            q_M[i] = Z[j, 0]
+    v_M = rate(q_M)
+    a_M = rate(v_M)
+    tau = u + inertia * a_M + friction * v_M
+    outputs = ca.cse([q_M, v_M, ca.densify(tau), ca.densify(u), v, a])
+    return ca.Function(
+        "flat_map",
+        [q, Y, Z, c, ca.vertcat(inertia, friction)],
+        outputs,
+        ["q", "Y", "Z", "c", "r"],
+        ["q_M", "v_M", "tau", "u", "v", "a"],
+    )

@@ -1,0 +1,79 @@
+"""Every error that pkmsea raises on purpose: one root, data on the exception, the remedy in the message.
+
+`exit_code` is what the command line returns: 2 for bad input, 1 for a problem that has no answer or found none.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+
+class PkmseaError(Exception):
+    """Root of all pkmsea errors.
+
+    Attributes
+    ----------
+    cause : what is wrong, one sentence.
+    remedy : what to do next, one sentence.
+    file, key, value : where it is wrong, as far as that is known.
+    """
+
+    exit_code = 2
+
+    def __init__(
+        self, cause: str, remedy: str, *, file: str | Path | None = None, key: str | None = None, value: Any = None
+    ) -> None:
+        self.cause, self.remedy, self.file, self.key, self.value = cause, remedy, file, key, value
+        super().__init__(cause, remedy)
+
+    def __str__(self) -> str:
+        where = [str(self.file)] if self.file is not None else []
+        if self.key is not None:
+            where.append(self.key if self.value is None else f"{self.key} = {_short(self.value)}")
+        place = ", ".join(where)
+        return (f"{place}: " if place else "") + f"{self.cause} {self.remedy}"
+
+
+def _short(value: Any, limit: int = 80) -> str:
+    text = repr(value)
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+class BridgeError(PkmseaError):
+    """The compiled module is missing, does not fit the installed casadi, or cannot model a joint."""
+
+
+class InputError(PkmseaError):
+    """A file does not say what pkmsea needs, or says something impossible."""
+
+
+class MechanismError(InputError):
+    """A URDF or its sidecar describes no usable mechanism."""
+
+
+class NameNotFound(InputError):
+    """A name that does not exist where it is looked up; the message lists the names that do."""
+
+    def __init__(self, kind: str, name: str, known: list[str], **where: Any) -> None:
+        self.name, self.known = name, known
+        listed = ", ".join(sorted(known)) or "none"
+        super().__init__(f"There is no {kind} named '{name}'.", f"Use one of: {listed}.", **where)
+
+
+class Unreachable(InputError):
+    """A task-space point that the mechanism cannot reach on its declared assembly mode."""
+
+
+class SolveError(PkmseaError):
+    """The optimisation ended without a usable answer."""
+
+    exit_code = 1
+
+
+class Infeasible(SolveError):
+    """No motion satisfies the task's windows and limits, as far as the solver could tell."""
+
+
+class NotConverged(SolveError):
+    """No start reached an optimum within its limits of time and iterations."""

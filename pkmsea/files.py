@@ -1,0 +1,102 @@
+"""Reading and checking the YAML files that people write; every fault names file, key, value and remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pkmsea.errors import InputError
+
+MAX_BYTES = 1_000_000  # a mechanism or task file has a few kB; more is not one of ours
+
+
+class Record(BaseModel):
+    """Base of all file records: frozen, no unknown keys, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+R = TypeVar("R", bound=Record)
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loading without aliases, which can blow a small file up to any size, and without doubled keys."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            event = self.peek_event()
+            raise yaml.constructor.ConstructorError(None, None, "aliases (*name) are not read here", event.start_mark)
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        seen: set[Any] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, str) and key in seen:
+                message = f"the key '{key}' stands twice"
+                raise yaml.constructor.ConstructorError(None, None, message, key_node.start_mark)
+            if isinstance(key, str):
+                seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def read_yaml(path: Path) -> Any:
+    """The content of a YAML file as plain Python data."""
+    if not path.is_file():
+        raise InputError("The file does not exist.", "Check the path.", file=path)
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"The file is larger than {MAX_BYTES} bytes.", "Give a mechanism or task file.", file=path)
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except UnicodeDecodeError as error:
+        raise InputError(f"The file is not UTF-8 text ({error.reason}).", "Save it as UTF-8.", file=path) from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        cause = " ".join(str(error).split())
+        raise InputError(f"The file is not valid YAML: {cause}.", "Mend that line.", file=path) from error
+
+
+def parse(kind: type[R], data: Any, file: Path | str | None) -> R:
+    """Check plain data against a record type.
+
+    Raises
+    ------
+    InputError : names the first offending key, its value and what is expected there.
+    """
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise _input_error(kind, error, file) from None
+
+
+def read(kind: type[R], path: Path) -> R:
+    """Read a YAML file as one record."""
+    return parse(kind, read_yaml(path), path)
+
+
+def _input_error(kind: type[Record], error: ValidationError, file: Path | str | None) -> InputError:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or kind.__name__.lower()
+    more = f" ({error.error_count() - 1} more faults follow in this file.)" if error.error_count() > 1 else ""
+    what = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        fields = ", ".join(_fields_at(kind, first["loc"][:-1]))
+        remedy = f"Remove it or use one of: {fields}." if fields else "Remove it or correct its name."
+        return InputError(f"This key is not known.{more}", remedy, file=file, key=key)
+    if first["type"] == "missing":
+        return InputError(f"This key is missing.{more}", "Add it.", file=file, key=key)
+    cause = what if what.endswith(".") else f"{what}."
+    remedy = "Correct this value; 'pkmsea schema' prints what is allowed."
+    return InputError(f"{cause}{more}", remedy, file=file, key=key, value=first["input"])
+
+
+def _fields_at(kind: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
+    """Field names of the record that `loc` leads to, as far as plain nesting tells."""
+    current: Any = kind
+    for part in loc:
+        if not isinstance(part, str) or part not in getattr(current, "model_fields", {}):
+            return []
+        current = current.model_fields[part].annotation
+    return list(getattr(current, "model_fields", {}))

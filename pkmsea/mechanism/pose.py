@@ -1,0 +1,136 @@
+"""Poses of a closed mechanism: closing the loops, following the end effector, and the distance to singularities."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from pkmsea.errors import InputError, Unreachable
+
+if TYPE_CHECKING:
+    from pkmsea.mechanism.mechanism import Mechanism
+
+TOLERANCE = 1e-12  # of closures and end-effector position [m]; four digits above rounding at arm lengths of 1 m
+ITERATIONS = 30
+SAMPLES = 12  # closed poses at which the mobility is taken
+SCATTER = 0.4  # their spread in the joints [rad, m]
+
+
+def close(closure: ca.Function, guess: np.ndarray) -> np.ndarray | None:
+    """The closed pose nearest to a guess, by Gauss-Newton steps of least norm; None where there is none near."""
+    q = guess.astype(float)
+    for _ in range(ITERATIONS):
+        Phi, G = (np.array(x) for x in closure(q))
+        if Phi.size == 0 or np.abs(Phi).max() < TOLERANCE:
+            return q
+        step = np.linalg.lstsq(G, -Phi.ravel(), rcond=1e-10)[0]
+        q = q + step * min(1.0, 0.5 / np.abs(step).max())
+        if not np.all(np.isfinite(q)):
+            return None
+    return None
+
+
+def scatter(closure: ca.Function, seed: np.ndarray) -> list[np.ndarray]:
+    """Closed poses around the seed, from a fixed random sequence."""
+    rng = np.random.default_rng(0)
+    tries = (close(closure, seed + rng.uniform(-SCATTER, SCATTER, seed.size)) for _ in range(SAMPLES))
+    return [q for q in tries if q is not None]
+
+
+def task_system(mechanism: Mechanism) -> ca.Function:
+    """(Psi, A)(q) with Psi = [Phi; r_E] and A = dPsi/dq, (n, n): A v = [0; dr_E/dt]."""
+    axes, delta = len(mechanism.sidecar.end_effector.axes), mechanism.mobility
+    if axes != delta:
+        raise InputError(
+            f"The end effector is followed along {axes} axes, but the mechanism has mobility {delta}.",
+            f"Name {delta} axes, so that the end effector determines the pose.",
+            file=mechanism.folder / "mechanism.yaml", key="end_effector.axes",
+        )  # fmt: skip
+    q = ca.SX.sym("q", mechanism.model.nq)
+    f = mechanism.functions
+    Psi = ca.vertcat(f["closure_residual"](q), f["end_effector"](q))
+    A = ca.vertcat(f["closure_jacobian"](q), f["end_effector_jacobian"](q))
+    return ca.Function("task_system", [q], [Psi, ca.densify(A)], ["q"], ["Psi", "A"])
+
+
+def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:
+    """Continuation from the seed to `point` (see `Mechanism.configuration`)."""
+    system = task_system(mechanism)
+    q, start = mechanism.seed, mechanism.end_effector(mechanism.seed)
+    if point.shape != start.shape or not np.all(np.isfinite(point)):
+        raise InputError(
+            f"A point of this mechanism has {start.size} finite coordinates "
+            f"({', '.join(mechanism.sidecar.end_effector.axes)}).",
+            "Give them in m.", key="point", value=point.tolist(),
+        )  # fmt: skip
+    sign = np.sign(np.linalg.det(np.array(system(q)[1])))
+    done, step = 0.0, 1.0
+    while done < 1.0:
+        target = start + min(done + step, 1.0) * (point - start)
+        found = newton(system, q, target)
+        if found is not None and np.sign(np.linalg.det(np.array(system(found)[1]))) == sign:
+            q, done, step = found, min(done + step, 1.0), 2 * step
+        else:
+            step /= 2
+        if step < 1e-4:
+            raise _unreachable(mechanism, point, start + done * (point - start))
+    return q
+
+
+def newton(system: ca.Function, q: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+    """Solve Psi(q) = [0; target] near q; None where a step is larger than a branch is wide, or none converges."""
+    goal = np.concatenate([np.zeros(q.size - target.size), target])
+    for _ in range(ITERATIONS):
+        Psi, A = (np.array(x) for x in system(q))
+        gap = goal - Psi.ravel()
+        if np.abs(gap).max() < TOLERANCE:
+            return q
+        try:
+            step = np.linalg.solve(A, gap)
+        except np.linalg.LinAlgError:
+            return None
+        if not np.all(np.isfinite(step)) or np.abs(step).max() > 0.5:
+            return None
+        q = q + step
+    return None
+
+
+def _unreachable(mechanism: Mechanism, point: np.ndarray, reached: np.ndarray) -> Unreachable:
+    return Unreachable(
+        f"The mechanism '{mechanism.name}' cannot reach the point {_text(point)} m on its assembly mode; on the way "
+        f"from its seed it gets as far as {_text(reached)} m.",
+        "Move the point into the workspace ('pkmsea check' prints it), or declare another assembly mode under 'seed'.",
+        key="point",
+    )
+
+
+def _text(point: np.ndarray) -> str:
+    return "[" + ", ".join(f"{x:.4g}" for x in point) + "]"
+
+
+def singularity(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Reciprocal condition numbers of [G; J_E] and [G; S_A] at poses q (k, n), see `Mechanism.singularity`.
+
+    Rows of lengths are divided by the mechanism's own scale, the largest entry of its A, to compare with joints.
+    """
+    n, k = mechanism.model.nq, q.shape[0]
+    A = np.array(task_system(mechanism).map(k)(q.T)[1]).reshape(n, k, n).transpose(1, 0, 2)
+    scale = max(float(np.abs(A).max()), 1e-12)
+    direct = np.concatenate(
+        [A[:, : n - mechanism.mobility] / scale, np.broadcast_to(_select(mechanism), (k, len(mechanism.actuated), n))],
+        axis=1,
+    )
+    return _reciprocal_condition(A / scale), _reciprocal_condition(direct)
+
+
+def _select(mechanism: Mechanism) -> np.ndarray:
+    """S_A, (m, n): picks q_A out of q."""
+    return np.eye(mechanism.model.nq)[mechanism.actuated]
+
+
+def _reciprocal_condition(matrices: np.ndarray) -> np.ndarray:
+    sigma = np.linalg.svd(matrices, compute_uv=False)
+    result: np.ndarray = sigma[:, -1] / sigma[:, 0]
+    return result

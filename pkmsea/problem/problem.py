@@ -1,0 +1,139 @@
+"""The optimal control problem of one setup, before any discretisation (paper, section 4.3).
+
+    min over y(t), c   E = integral over one period of max(P, 0),   P = sum_i tau_i v_i + kappa_i tau_i^2
+    subject to         the robot's equations of motion (through its flat output y), y periodic,
+                       the rest windows at every instant, and the limits of motion and drives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from pkmsea.actuation import Actuation
+from pkmsea.errors import InputError, Unreachable
+from pkmsea.mechanism import Mechanism, load_mechanism
+from pkmsea.task import Cycle, Options, Task
+from pkmsea.task.task import TaskLimits
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A box on one signal at every instant: `quantity` of `name` between lower and upper.
+
+    quantity: r_E, dr_E, ddr_E (of an axis), q, dq, ddq (of a joint), tau or speed (of a drive); index in its order.
+    """
+
+    quantity: str
+    index: int
+    name: str
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One setup's problem: the robot, its cycle and its bounds."""
+
+    task_name: str
+    name: str
+    actuation: Actuation
+    cycle: Cycle
+    bounds: tuple[Bound, ...]
+    options: Options
+
+    @property
+    def kappa(self) -> np.ndarray:
+        """Copper loss per squared torque (m,)."""
+        return self.actuation.numbers("copper_loss")
+
+    @property
+    def stiffness_range(self) -> np.ndarray:
+        """Lower and upper bound of each elastic drive's stiffness, (elastic drives, 2)."""
+        ranges = [self.actuation.drives[i].stiffness_range for i in self.actuation.elastic]
+        return np.array(ranges, float).reshape(-1, 2)
+
+    @cached_property
+    def span(self) -> np.ndarray:
+        """Typical size of the motion per axis [m]: the spread of the operating points, at least a tenth of the
+        largest spread."""
+        at = np.array([point.at for point in self.cycle.points])
+        spread = np.ptp(at, axis=0)
+        return np.asarray(np.maximum(spread, 0.1 * max(spread.max(), 1e-6)))
+
+
+def build_problem(task: Task, setup_name: str | None = None) -> Problem:
+    """The problem of one setup of a task.
+
+    Raises
+    ------
+    InputError : the setup does not fit its mechanism, or an operating point or rest window cannot be reached.
+    """
+    setup = task.setup(setup_name)
+    where = {"file": task.file}
+    mechanism = load_mechanism(task.mechanism_source(setup))
+    m = len(mechanism.actuated)
+    drives = setup.drives * m if len(setup.drives) == 1 else setup.drives
+    axes = list(mechanism.sidecar.end_effector.axes)
+    if len(task.cycle.points[0].at) != len(axes):
+        raise InputError(
+            f"The operating points have {len(task.cycle.points[0].at)} coordinates, but the end effector of "
+            f"'{mechanism.name}' moves along {', '.join(axes)}.",
+            f"Give {len(axes)} coordinates.", key="cycle.points", **where,
+        )  # fmt: skip
+    actuation = Actuation(mechanism, drives, _check_reachable(task, mechanism))
+    bounds = (
+        *_bounds("end_effector", ("r_E", "dr_E", "ddr_E"), axes, task.limits, task),
+        *_bounds("joints", ("q", "dq", "ddq"), mechanism.joints, task.limits, task),
+        *_drive_bounds(actuation),
+    )
+    return Problem(task.name, setup.name, actuation, task.cycle, bounds, setup.options or task.options)
+
+
+def _bounds(group: str, quantities: tuple[str, ...], names: list[str], limits: TaskLimits, task: Task) -> list[Bound]:
+    limit = getattr(limits, group)
+    for name in limit.named:
+        if name not in names:
+            raise InputError(
+                f"There is no {'axis' if group == 'end_effector' else 'joint'} '{name}'.",
+                f"Use one of: {', '.join(names)}.", file=task.file, key=f"limits.{group}",
+            )  # fmt: skip
+    found = []
+    for order, quantity in enumerate(quantities):
+        for index, name in enumerate(names):
+            lower, upper = limit.bounds(order, name)
+            if np.isfinite(lower) or np.isfinite(upper):
+                found.append(Bound(quantity, index, name, lower, upper))
+    return found
+
+
+def _drive_bounds(actuation: Actuation) -> list[Bound]:
+    return [
+        Bound(quantity, i, actuation.labels[i], -largest, largest)
+        for quantity, key in (("tau", "torque"), ("speed", "speed"))
+        for i, drive in enumerate(actuation.drives)
+        if (largest := getattr(drive, key)) is not None
+    ]
+
+
+def _check_reachable(task: Task, mechanism: Mechanism) -> tuple[np.ndarray, ...]:
+    """Poses of all operating points; they and every corner of their windows must be reachable."""
+    poses = []
+    for i, point in enumerate(task.cycle.points):
+        corners = product(*[(-1.0, 0.0, 1.0)] * len(point.at))
+        for corner in sorted(corners, key=lambda c: float(np.abs(c).sum())):
+            target = np.array(point.at) + np.array(corner) * point.per_axis("window")
+            try:
+                poses.append(mechanism.configuration(target))
+            except Unreachable as error:
+                what = "operating point" if not any(corner) else "rest window of operating point"
+                raise Unreachable(
+                    f"The {what} {i + 1} is out of reach. {error.cause}",
+                    "Move it into the workspace ('pkmsea check' prints it), shrink its window, or declare another "
+                    "assembly mode under 'seed' in mechanism.yaml.",
+                    file=task.file, key=f"cycle.points.{i}.at", value=list(point.at),
+                ) from None  # fmt: skip
+    return tuple(poses)

@@ -1,0 +1,140 @@
+"""IPOPT: the one place that knows the solver. An NLP in, a typed outcome with the best point out."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import casadi as ca
+import numpy as np
+
+from pkmsea.task import Options
+from pkmsea.transcription.nlp import Nlp
+
+FEASIBLE = 1e-6  # largest constraint violation of a usable point, in the constraints' units
+
+
+class Outcome(StrEnum):
+    """How a solve ended."""
+
+    OPTIMAL = "optimal"
+    ITERATIONS = "iteration limit"
+    TIME = "time limit"
+    INFEASIBLE = "infeasible"
+    UNREACHABLE = "start unreachable"
+    STALLED = "stalled"
+    FAILED = "failed"
+
+
+_OUTCOMES = {
+    "Solve_Succeeded": Outcome.OPTIMAL,
+    "Solved_To_Acceptable_Level": Outcome.OPTIMAL,
+    "Feasible_Point_Found": Outcome.OPTIMAL,
+    "Maximum_Iterations_Exceeded": Outcome.ITERATIONS,
+    "Maximum_CpuTime_Exceeded": Outcome.TIME,
+    "Maximum_WallTime_Exceeded": Outcome.TIME,
+    "Infeasible_Problem_Detected": Outcome.INFEASIBLE,
+    "Search_Direction_Becomes_Too_Small": Outcome.STALLED,
+    "Restoration_Failed": Outcome.STALLED,
+}
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where a solve ended.
+
+    Attributes
+    ----------
+    x : variables in physical units.
+    outcome : of the last step.
+    violation : largest violation of bounds and constraints.
+    iterations : per step.
+    seconds : wall time of all steps.
+    """
+
+    x: np.ndarray
+    outcome: Outcome
+    violation: float
+    iterations: tuple[int, ...]
+    seconds: float
+
+    @property
+    def usable(self) -> bool:
+        """Whether the point satisfies all constraints, optimal or not."""
+        return self.violation <= FEASIBLE and bool(np.all(np.isfinite(self.x)))
+
+
+def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
+    """Solve an NLP, step by step of its parameter; each step starts from the last point and its multipliers."""
+    begin = time.perf_counter()
+    solver = _solver(nlp, options)
+    x = nlp.stacked("guess")
+    lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
+    multipliers: dict[str, ca.DM] = {}
+    iterations: list[int] = []
+    outcome, violation = Outcome.FAILED, np.inf
+    for step in range(nlp.steps) if steps is None else steps:
+        if time.perf_counter() - begin > options.time_limit:
+            outcome = Outcome.TIME
+            break
+        p = nlp.parameter(step, x)
+        with _quiet():
+            found = solver(x0=x, p=p, lbx=lower, ubx=upper, lbg=nlp.g_lower, ubg=nlp.g_upper, **multipliers)
+        stats = solver.stats()
+        outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
+        iterations.append(int(stats.get("iter_count", 0)))
+        candidate = np.array(found["x"]).ravel()
+        if not np.all(np.isfinite(candidate)):
+            break
+        x = candidate
+        g = np.array(found["g"]).ravel()
+        violation = float(max(_excess(g, nlp.g_lower, nlp.g_upper), _excess(x, lower, upper)))
+        if outcome is Outcome.INFEASIBLE:
+            break
+        multipliers = {"lam_g0": found["lam_g"], "lam_x0": found["lam_x"]}
+    return Point(x, outcome, violation, tuple(iterations), time.perf_counter() - begin)
+
+
+def _solver(nlp: Nlp, options: Options) -> ca.Function:
+    ipopt = {
+        "max_iter": options.iterations,
+        "max_wall_time": options.time_limit,
+        "tol": options.tolerance,
+        "acceptable_tol": options.tolerance * 10,
+        "acceptable_iter": 10,
+        "mu_strategy": "adaptive",
+        "print_level": 0,
+        "sb": "yes",
+        "bound_relax_factor": 0.0,
+        "honor_original_bounds": "yes",
+        # CasADi hands the variables over in physical units
+        "nlp_scaling_method": "gradient-based",
+    }
+    settings = {"ipopt": ipopt, "print_time": False, "error_on_fail": False, "calc_lam_p": False, "calc_lam_x": False}
+    if nlp.derivatives:
+        settings |= nlp.derivatives | {"no_nlp_grad": True}
+    return ca.nlpsol("solver", "ipopt", nlp.oracle, settings)
+
+
+def _excess(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+    return float(np.max(np.concatenate([lower - values, values - upper, [0.0]])))
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """CasADi writes a warning straight to the terminal for every step that IPOPT has to shorten; drop those."""
+    saved, sink = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    saved_out = os.dup(1)
+    try:
+        os.dup2(sink, 2)
+        os.dup2(sink, 1)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.dup2(saved_out, 1)
+        for handle in (saved, saved_out, sink):
+            os.close(handle)

@@ -1,0 +1,9 @@
+"""What the robot has to do: the cycle with its rest windows, limits, and the setups to compare."""
+
+from pkmsea.task.cycle import Cycle, Limits, OperatingPoint, Window
+from pkmsea.task.task import Chain, Fourier, Options, Setup, Spline, Task, load_task
+
+__all__ = [
+    "Chain", "Cycle", "Fourier", "Limits", "OperatingPoint", "Options", "Setup", "Spline", "Task", "Window",
+    "load_task",
+]  # fmt: skip

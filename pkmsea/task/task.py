@@ -1,0 +1,135 @@
+"""The task file: one cycle, and the setups that are to perform it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, field_validator, model_validator
+
+from pkmsea.actuation.drive import Drive
+from pkmsea.errors import InputError, NameNotFound
+from pkmsea.files import Record, read
+from pkmsea.task.cycle import Cycle, Limits
+
+
+class Fourier(Record):
+    """Flat outputs as Fourier series: x_0 + sum_l A_l sin(l w t) + B_l cos(l w t) (paper, eq. Fourier)."""
+
+    kind: Literal["fourier"]
+    order: int = Field(10, ge=1, le=200)
+
+
+class Spline(Record):
+    """Flat outputs as periodic B-splines: piecewise polynomials of a degree, with all derivatives below it."""
+
+    kind: Literal["spline"]
+    knots: int = Field(50, ge=8, le=4000)
+    degree: int = Field(7, ge=5, le=11)
+
+
+class Chain(Record):
+    """Flat outputs as chains of integrators with piecewise constant input, by RK4 multiple shooting (the paper's)."""
+
+    kind: Literal["chain"]
+
+
+Trajectory = Annotated[Fourier | Spline | Chain, Field(discriminator="kind")]
+
+
+class Options(Record):
+    """How a setup is solved. The defaults suit most tasks."""
+
+    transcription: Literal["flat", "paper"] = "flat"
+    trajectory: Trajectory = Spline(kind="spline")
+    samples: int | None = Field(
+        None, ge=8, le=20000, description="grid points of cost and limits; default 4 per knot, or 200"
+    )
+    starts: int = Field(12, ge=1, le=10000, description="starts of the multi-start")
+    seed: int = Field(0, ge=0, description="of the random starts")
+    time_limit: float = Field(60.0, gt=0, description="per start [s]")
+    iterations: int = Field(300, ge=1, le=100000, description="IPOPT iterations per start and step")
+    tolerance: float = Field(1e-6, gt=0, le=1e-2, description="IPOPT's tolerance")
+
+    @model_validator(mode="after")
+    def _chain_is_the_papers(self) -> Options:
+        if self.trajectory.kind == "chain" and self.transcription != "paper":
+            raise ValueError("a trajectory of kind 'chain' goes with transcription: paper")
+        return self
+
+
+class Setup(Record):
+    """A mechanism with its drives, to perform the task's cycle."""
+
+    name: str = Field(min_length=1, max_length=200)
+    mechanism: str = Field(description="folder, relative to the task file, or a mechanism that pkmsea ships")
+    drives: tuple[Drive, ...] = Field(min_length=1, description="one for all, or one per actuated joint")
+    options: Options | None = None
+
+    @field_validator("drives", mode="before")
+    @classmethod
+    def _one_for_all(cls, value: Any) -> Any:
+        return [value] if isinstance(value, dict) else value
+
+
+class TaskLimits(Record):
+    """Limits of the motion, beside those of the drives."""
+
+    end_effector: Limits = Limits()
+    joints: Limits = Limits()
+
+
+class Task(Record):
+    """A pick-and-place cycle, its limits, and one or more setups to compare; the first one is the reference."""
+
+    name: str = Field(min_length=1, max_length=200)
+    cycle: Cycle
+    limits: TaskLimits = TaskLimits()
+    setups: tuple[Setup, ...] = Field(min_length=1)
+    options: Options = Options()
+    _file: Path | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Task:
+        names = [setup.name for setup in self.setups]
+        if len(set(names)) < len(names):
+            raise ValueError("two setups have the same name")
+        return self
+
+    @property
+    def file(self) -> Path | None:
+        """Where the task was read from."""
+        return self._file
+
+    def setup(self, name: str | None = None) -> Setup:
+        """The named setup, or the only one."""
+        if name is None and len(self.setups) == 1:
+            return self.setups[0]
+        for setup in self.setups:
+            if setup.name == name:
+                return setup
+        names = [setup.name for setup in self.setups]
+        if name is None:
+            raise InputError(
+                f"The task '{self.name}' has {len(names)} setups.",
+                f"Name one ({', '.join(names)}), or use solve_all.", file=self.file, key="setups",
+            )  # fmt: skip
+        raise NameNotFound("setup", name, names, file=self.file, key="setups")
+
+    def mechanism_source(self, setup: Setup) -> Path:
+        """The setup's mechanism folder, looked up beside the task file first."""
+        beside = (self.file.parent if self.file else Path()) / setup.mechanism
+        return beside if beside.exists() else Path(setup.mechanism)
+
+
+def load_task(path: str | Path) -> Task:
+    """Read a task file.
+
+    Raises
+    ------
+    InputError : names file, key, value and remedy.
+    """
+    file = Path(path)
+    task = read(Task, file)
+    task._file = file
+    return task

@@ -1,0 +1,105 @@
+"""Periodic function bases for the flat outputs: a trajectory is y(t) = B(t) x with coefficients x."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from pkmsea.task import Chain, Fourier, Spline
+
+
+@dataclass(frozen=True)
+class Basis(ABC):
+    """`size` periodic functions of period `period` [s]."""
+
+    period: float
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of coefficients."""
+
+    @property
+    @abstractmethod
+    def modes(self) -> int:
+        """Highest harmonic that the basis resolves; grids are chosen by it."""
+
+    @abstractmethod
+    def matrix(self, t: np.ndarray, derivative: int = 0) -> np.ndarray:
+        """d^k B / dt^k at times t, (len(t), size)."""
+
+    def fit(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Coefficients of the least-squares fit to samples."""
+        return np.asarray(np.linalg.lstsq(self.matrix(t), values, rcond=None)[0])
+
+
+@dataclass(frozen=True)
+class FourierBasis(Basis):
+    """1, sin(l w t), cos(l w t) for l = 1 ... order, with w = 2 pi / period."""
+
+    order: int
+
+    @property
+    def size(self) -> int:
+        return 2 * self.order + 1
+
+    @property
+    def modes(self) -> int:
+        return self.order
+
+    def matrix(self, t: np.ndarray, derivative: int = 0) -> np.ndarray:
+        w = 2 * np.pi / self.period * np.arange(1, self.order + 1)
+        phase = np.outer(np.asarray(t, float), w) + derivative * np.pi / 2
+        gain = w**derivative
+        constant = np.full((phase.shape[0], 1), float(derivative == 0))
+        return np.hstack([constant, gain * np.sin(phase), gain * np.cos(phase)])
+
+
+@dataclass(frozen=True)
+class SplineBasis(Basis):
+    """Periodic B-splines of a degree on uniform knots: piecewise polynomials, `degree - 1` times differentiable."""
+
+    knots: int
+    degree: int
+
+    @property
+    def size(self) -> int:
+        return self.knots
+
+    @property
+    def modes(self) -> int:
+        return self.knots // 2
+
+    def matrix(self, t: np.ndarray, derivative: int = 0) -> np.ndarray:
+        n, k, h = self.knots, self.degree, self.period / self.knots
+        t = np.asarray(t, float) % self.period
+        knots = h * np.arange(-k, n + k + 1)
+        spline = BSpline(knots, np.eye(n + k), k, extrapolate=False)
+        B = spline(t, nu=derivative)
+        wrapped: np.ndarray = B[:, :n].copy()
+        wrapped[:, :k] += B[:, n:]
+        return wrapped
+
+
+def make_basis(trajectory: Fourier | Spline | Chain, period: float) -> Basis:
+    """The basis that a task's options name."""
+    if isinstance(trajectory, Fourier):
+        return FourierBasis(period, trajectory.order)
+    if isinstance(trajectory, Spline):
+        return SplineBasis(period, trajectory.knots, trajectory.degree)
+    raise TypeError("a chain of integrators has no basis; it is transcribed by multiple shooting")
+
+
+def derivative_weights(order: int, half_width: int) -> np.ndarray:
+    """Central difference weights for d^order/dt^order on a unit grid, exact to polynomial degree 2 half_width.
+
+    Fornberg's formula by a Vandermonde solve; offsets run from -half_width to half_width.
+    """
+    offsets = np.arange(-half_width, half_width + 1, dtype=float)
+    powers = np.vander(offsets, increasing=True).T
+    right = np.zeros(offsets.size)
+    right[order] = float(np.prod(np.arange(1, order + 1)))
+    return np.asarray(np.linalg.solve(powers, right))

@@ -1,0 +1,233 @@
+"""The default transcription: flat outputs in a coarse basis, everything else on a finer grid, exact derivatives.
+
+The NLP's variables are the coefficients of the flat output and theta = ln c only; the equations of motion hold at
+every iterate, so there is nothing to be infeasible but windows and limits, and nothing for the optimiser to exploit
+between the knots. The cost is the mean of (P + sqrt(P^2 + eps^2)) / 2 over the grid, eps sharpened in steps.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from pkmsea.problem import Bound, Problem
+from pkmsea.transcription.bases import Basis
+from pkmsea.transcription.nlp import Callback, Nlp, Variable
+from pkmsea.transcription.robot import RobotOnGrid, State
+from pkmsea.transcription.windows import LinearRows, linear_rows
+
+SHARPENING = (1.0, 0.3, 0.1, 0.03)  # eps of each step, relative to the mean positive power before it
+SMALLEST_POWER = 1e-9  # [W]; keeps the root differentiable where nothing moves
+SIGNALS = ("tau", "speed")
+
+
+class FlatNlp:
+    """Values and derivatives of the NLP; `nlp` wraps them for the solver."""
+
+    def __init__(self, problem: Problem, basis: Basis, samples: int, limited: tuple[Bound, ...]) -> None:
+        self.problem, self.basis = problem, basis
+        self.robot = RobotOnGrid(problem.actuation, basis, samples)
+        self.weight = basis.period / samples
+        self.rows: LinearRows = linear_rows(problem, basis, samples, self.robot.size)
+        self.limited = [bound for bound in limited if not bound.quantity.endswith("r_E")]
+        self.columns = [self._signal(b) for b in self.limited]
+        self._state: State | None = None
+        self._pattern = _Pattern(self.robot, self.rows, self.columns)
+
+    def _signal(self, bound: Bound) -> int:
+        m, n = self.robot.m, self.robot.n
+        if bound.quantity in SIGNALS:
+            return 2 * bound.index + SIGNALS.index(bound.quantity)
+        return 2 * m + n * ("q", "dq", "ddq").index(bound.quantity) + bound.index
+
+    def at(self, x: np.ndarray) -> State:
+        """The robot's state at x; the last one is kept."""
+        if self._state is None or not np.array_equal(self._state.x, x):
+            self._state = self.robot.state(x)
+        return self._state
+
+    def power(self, state: State) -> np.ndarray:
+        """Bus power P at all samples [W]."""
+        tau, speed = state.signals[:, 0 : 2 * self.robot.m : 2], state.signals[:, 1 : 2 * self.robot.m : 2]
+        return np.asarray((tau * speed + self.problem.kappa * tau**2).sum(axis=1))
+
+    def energy(self, x: np.ndarray) -> float:
+        """The transcription's own energy, with the exact positive part [J]."""
+        return float(self.weight * np.maximum(self.power(self.at(x)), 0.0).sum())
+
+    def objective(self, x: np.ndarray, eps: float) -> float:
+        """Smoothed energy [J]."""
+        P = self.power(self.at(x))
+        return float(self.weight * (P + np.sqrt(P**2 + eps**2)).sum() / 2)
+
+    def constraints(self, x: np.ndarray) -> np.ndarray:
+        """Windows and end-effector limits (linear), then limited signals sample by sample."""
+        return np.concatenate([self.rows.matrix @ x, self.at(x).signals[:, self.columns].ravel()])
+
+    def gradient(self, x: np.ndarray, eps: float) -> np.ndarray:
+        """Gradient of the smoothed energy."""
+        state = self.at(x)
+        return self._pattern.gather(self._drive_weights(state, eps), self.robot.differentiate(state))
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Nonzeros of the constraints' Jacobian, in CasADi's order."""
+        slope = self.robot.differentiate(self.at(x)) if self.columns else None
+        return self._pattern.jacobian_values(self.rows, slope)
+
+    def hessian(self, x: np.ndarray, eps: float, factor: float, multipliers: np.ndarray) -> np.ndarray:
+        """Nonzeros of the upper triangle of the Lagrangian's Hessian."""
+        state, m = self.at(x), self.robot.m
+        slope = self.robot.differentiate(state)
+        weights = factor * self._drive_weights(state, eps)
+        nonlinear = multipliers[self.rows.matrix.shape[0] :].reshape(self.robot.samples, -1)
+        for j, column in enumerate(self.columns):
+            weights[:, column] += nonlinear[:, j]
+        blocks = self.robot.curvature(state, weights)
+        Q = factor * self._drive_curvature(state, eps)
+        drives = slope[:, :, : 2 * m]
+        weighted = Q[self.robot.cells.own] @ drives
+        shape = (drives.shape[0], -1, drives.shape[-1])
+        blocks += drives.reshape(shape).transpose(0, 2, 1) @ weighted.reshape(shape)
+        return self._pattern.hessian_values(blocks)
+
+    def _drive_weights(self, state: State, eps: float) -> np.ndarray:
+        """dE/dsignals, (samples, signals)."""
+        gain, _ = _positive_part_slopes(self.power(state), eps)
+        weights = np.zeros_like(state.signals)
+        m2 = 2 * self.robot.m
+        weights[:, :m2] = self.weight * gain[:, None] * self._power_slope(state)
+        return weights
+
+    def _power_slope(self, state: State) -> np.ndarray:
+        """dP/d(tau_1, v_1, tau_2, ...), (samples, 2m)."""
+        m2 = 2 * self.robot.m
+        tau, speed = state.signals[:, 0:m2:2], state.signals[:, 1:m2:2]
+        result = np.empty((tau.shape[0], m2))
+        result[:, 0::2] = speed + 2 * self.problem.kappa * tau
+        result[:, 1::2] = tau
+        return result
+
+    def _drive_curvature(self, state: State, eps: float) -> np.ndarray:
+        """d^2E/d(tau, v)^2, (samples, 2m, 2m)."""
+        gain, bend = _positive_part_slopes(self.power(state), eps)
+        slope = self._power_slope(state)
+        m2 = 2 * self.robot.m
+        own = np.zeros((m2, m2))
+        tau = np.arange(0, m2, 2)
+        own[tau, tau] = 2 * self.problem.kappa
+        own[tau, tau + 1] = own[tau + 1, tau] = 1.0
+        return np.asarray(
+            self.weight * (bend[:, None, None] * slope[:, :, None] * slope[:, None, :] + gain[:, None, None] * own)
+        )
+
+    def nlp(self, guess: np.ndarray) -> Nlp:
+        """The NLP around a first trajectory, whose poses are found by continuation."""
+        self.robot.start(guess)
+        size, rows = self.robot.size, self._pattern.rows
+        x, p = ("x", ca.Sparsity.dense(size)), ("p", ca.Sparsity.dense(1))
+        one = ca.Sparsity.dense(1)
+
+        def values(a, r):
+            if r[0] is not None:
+                r[0][0] = self.objective(a[0], a[1][0])
+            if r[1] is not None:
+                r[1][:] = self.constraints(a[0])
+
+        def slopes(a, r):
+            if r[0] is not None:
+                r[0][0] = self.objective(a[0], a[1][0])
+            if r[1] is not None:
+                r[1][:] = self.gradient(a[0], a[1][0])
+
+        def rates(a, r):
+            if r[0] is not None:
+                r[0][:] = self.constraints(a[0])
+            if r[1] is not None:
+                r[1][:] = self.jacobian(a[0])
+
+        def second(a, r):
+            r[0][:] = self.hessian(a[0], a[1][0], a[2][0], a[3] if a[3] is not None else np.zeros(rows))
+
+        g = ("g", ca.Sparsity.dense(rows))
+        multipliers = [("lam_f", one), ("lam_g", ca.Sparsity.dense(rows))]
+        pattern = self._pattern
+        oracle = Callback("nlp", [x, p], [("f", one), g], values)
+        derivatives = {
+            "grad_f": Callback("nlp_grad_f", [x, p], [("f", one), ("grad_f_x", x[1])], slopes),
+            "jac_g": Callback("nlp_jac_g", [x, p], [g, ("jac_g_x", pattern.jacobian)], rates),
+            "hess_lag": Callback(
+                "nlp_hess_l", [x, p, *multipliers], [("triu_hess_gamma_x_x", pattern.hessian)], second
+            ),
+        }
+        lower = np.concatenate([self.rows.lower, np.tile([b.lower for b in self.limited], self.robot.samples)])
+        upper = np.concatenate([self.rows.upper, np.tile([b.upper for b in self.limited], self.robot.samples)])
+        return Nlp(self._variables(guess), lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
+
+    def _sharpen(self, step: int, x: np.ndarray) -> np.ndarray:
+        mean = max(self.energy(x) / self.basis.period, SMALLEST_POWER)
+        return np.array([mean * SHARPENING[step]])
+
+    def _variables(self, guess: np.ndarray) -> tuple[Variable, ...]:
+        coefficients, theta = self.robot.split(guess)
+        actuation, free = self.problem.actuation, np.full(self.basis.size, np.inf)
+        result = []
+        for j, name in enumerate(actuation.flat_outputs):
+            column = coefficients[:, j]
+            scale = self.problem.span[j] if j < self.robot.delta else max(float(np.ptp(column)), 1e-6)
+            result.append(Variable(name, -free, free, np.full(self.basis.size, scale), column))
+        for j, (low, high) in enumerate(np.log(self.problem.stiffness_range)):
+            name = f"ln c {actuation.labels[actuation.elastic[j]]}"
+            result.append(Variable(name, np.array([low]), np.array([high]), np.ones(1), theta[j : j + 1]))
+        return tuple(result)
+
+
+class _Pattern:
+    """Fixed sparsity of Jacobian and Hessian, and the scatter of cell blocks into their nonzeros."""
+
+    def __init__(self, robot: RobotOnGrid, rows: LinearRows, columns: list[int]) -> None:
+        self._size, self._index = robot.size, robot.local
+        self._own, self._columns = robot.cells.own, columns
+        a, b = np.broadcast_arrays(robot.local[:, :, None], robot.local[:, None, :])
+        upper = (a <= b).ravel()
+        keys = (b.ravel()[upper].astype(np.int64) * self._size + a.ravel()[upper]).astype(np.int64)
+        unique, self._slot = np.unique(keys, return_inverse=True)
+        self._upper = upper
+        self.hessian = _sparsity(self._size, self._size, unique % self._size, unique // self._size)
+        self._hessian_nnz = unique.size
+
+        linear = rows.matrix.tocoo()
+        first, count = rows.matrix.shape[0], len(columns)
+        self.rows = first + robot.samples * count
+        samples = self._own[:, :, None, None] * count + np.arange(count)[None, None, :, None]
+        variables = robot.local[:, None, None, :]
+        i, j = np.broadcast_arrays(first + samples, variables)
+        all_rows = np.concatenate([linear.row, i.ravel()])
+        all_columns = np.concatenate([linear.col, j.ravel()])
+        self._order = np.lexsort((all_rows, all_columns))
+        self.jacobian = _sparsity(self.rows, self._size, all_rows[self._order], all_columns[self._order])
+
+    def gather(self, weights: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """sum over samples and signals of weights * slope, scattered to x."""
+        own = weights[self._own]
+        local = (own.reshape(own.shape[0], 1, -1) @ slope.reshape(own.shape[0], -1, slope.shape[-1]))[:, 0]
+        return np.bincount(self._index.ravel(), local.ravel(), self._size)
+
+    def hessian_values(self, blocks: np.ndarray) -> np.ndarray:
+        return np.bincount(self._slot, blocks.reshape(-1)[self._upper], self._hessian_nnz)
+
+    def jacobian_values(self, rows: LinearRows, slope: np.ndarray | None) -> np.ndarray:
+        linear = rows.matrix.tocoo().data
+        nonlinear = np.zeros(0) if slope is None else slope[:, :, self._columns, :].ravel()
+        return np.asarray(np.concatenate([linear, nonlinear])[self._order])
+
+
+def _sparsity(rows: int, columns: int, i: np.ndarray, j: np.ndarray) -> ca.Sparsity:
+    """Compressed columns from entries that are sorted by column, then row."""
+    starts = np.concatenate([[0], np.cumsum(np.bincount(j, minlength=columns))])
+    return ca.Sparsity(rows, columns, [int(s) for s in starts], [int(r) for r in i])
+
+
+def _positive_part_slopes(P: np.ndarray, eps: float) -> tuple[np.ndarray, np.ndarray]:
+    """First and second derivative of (P + sqrt(P^2 + eps^2)) / 2."""
+    root = np.sqrt(P**2 + eps**2)
+    return (1 + P / root) / 2, eps**2 / (2 * root**3)

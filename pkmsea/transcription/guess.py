@@ -1,0 +1,87 @@
+"""First trajectories: smooth paths through the rest windows, straight or with random detours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmsea.problem import Problem
+from pkmsea.transcription.bases import Basis, SplineBasis
+from pkmsea.transcription.robot import RobotOnGrid
+from pkmsea.transcription.windows import window_times
+
+DETOUR = 0.25  # standard deviation of a random detour, relative to the task's span
+HARMONICS = 3  # of a random detour
+COARSE = SplineBasis  # detours are shaped on few knots and then fitted
+COARSE_KNOTS, COARSE_DEGREE = 24, 5
+
+
+def path(problem: Problem, basis: Basis, rng: np.random.Generator | None) -> np.ndarray:
+    """Coefficients (basis size, delta) of a path that rests at the operating points.
+
+    Between the rests it has the least integral of the squared jerk's distance to a random low harmonic (zero where
+    `rng` is None).
+    """
+    coarse = SplineBasis(problem.cycle.period, COARSE_KNOTS, COARSE_DEGREE)
+    period = problem.cycle.period
+    fine = np.arange(8 * COARSE_KNOTS) * period / (8 * COARSE_KNOTS)
+    jerk = coarse.matrix(fine, 3)
+    samples = np.empty((fine.size, len(problem.cycle.points[0].at)))
+    for axis in range(samples.shape[1]):
+        windows = [w for w in problem.cycle.windows if w.axis == axis]
+        times = [window_times(w, period / COARSE_KNOTS) for w in windows]
+        at = np.concatenate([np.full(t.size, w.at) for t, w in zip(times, windows, strict=True)])
+        wish = np.zeros(fine.size)
+        if rng is not None:
+            wish = jerk @ coarse.fit(fine, _detour(rng, fine, period) * DETOUR * problem.span[axis])
+        rows = np.vstack([1e-4 * jerk * period**3, 1e3 * coarse.matrix(np.concatenate(times))])
+        right = np.concatenate([1e-4 * wish * period**3, 1e3 * at])
+        samples[:, axis] = coarse.matrix(fine) @ np.linalg.lstsq(rows, right, rcond=None)[0]
+    dense = np.arange(4 * basis.size) * period / (4 * basis.size)
+    knots = coarse.matrix(dense) @ coarse.fit(fine, samples)
+    return basis.fit(dense, knots)
+
+
+def _detour(rng: np.random.Generator, t: np.ndarray, period: float) -> np.ndarray:
+    order = np.arange(1, HARMONICS + 1)
+    phase = 2 * np.pi / period * np.outer(t, order)
+    amplitude = rng.normal(size=(2, HARMONICS)) / order
+    return np.asarray(np.sin(phase) @ amplitude[0] + np.cos(phase) @ amplitude[1])
+
+
+def start(problem: Problem, robot: RobotOnGrid, rng: np.random.Generator | None) -> np.ndarray:
+    """A whole first x: a path, stiffnesses in their ranges, and free drives that carry their share of the load.
+
+    Without `rng`, the plain path and the middle stiffnesses (in the logarithm).
+    """
+    low, high = np.log(problem.stiffness_range).T
+    theta = (low + high) / 2 if rng is None else rng.uniform(low, high)
+    coefficients = np.zeros((robot.basis.size, robot.outputs))
+    coefficients[:, : robot.delta] = path(problem, robot.basis, rng)
+    x = np.concatenate([coefficients.T.ravel(), theta])
+    if problem.actuation.free:
+        coefficients[:, robot.delta :] = _shared_load(problem, robot, x)
+        x = np.concatenate([coefficients.T.ravel(), theta])
+    return x
+
+
+def _shared_load(problem: Problem, robot: RobotOnGrid, x: np.ndarray) -> np.ndarray:
+    """Coefficients of z for which the drives' forces have the least norm: u = N_A (N_A^T N_A)^-1 N_A^T u."""
+    actuation = problem.actuation
+    robot.start(x)
+    state = robot.state(x)
+    m, n = robot.m, robot.n
+    u, q = state.xi[:, 3 * n : 3 * n + m], state.xi[:, :n]
+    v, a = state.xi[:, n : 2 * n], state.xi[:, 2 * n : 3 * n]
+    A = robot._closed(q)[1]
+    N = np.linalg.solve(A, np.broadcast_to(np.eye(n)[:, n - robot.delta :], (q.shape[0], n, robot.delta)))
+    N_A = N[:, actuation.mechanism.actuated]
+    share = (N_A @ np.linalg.pinv(N_A) @ u[:, :, None])[..., 0]
+    z = np.empty((q.shape[0], len(actuation.free)))
+    stiffness = np.exp(robot.jets(x)[:, -m:])
+    for j, i in enumerate(actuation.free):
+        joint, drive = actuation.mechanism.actuated[i], actuation.drives[i]
+        if drive.elastic:
+            z[:, j] = q[:, joint] + share[:, i] / stiffness[:, i]
+        else:
+            z[:, j] = share[:, i] + drive.inertia * a[:, joint] + drive.friction * v[:, joint]
+    return robot.basis.fit(robot.t, z)

@@ -1,0 +1,93 @@
+"""A nonlinear program, ready for a solver; nothing solved yet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One decision variable of an NLP: its entries in physical units."""
+
+    name: str
+    lower: np.ndarray
+    upper: np.ndarray
+    scale: np.ndarray
+    guess: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Nlp:
+    """min f(x, p) subject to lower <= x <= upper, g_lower <= g(x, p) <= g_upper.
+
+    Attributes
+    ----------
+    oracle : Function (x, p) -> (f, g).
+    derivatives : the Functions `grad_f`, `jac_g` and `hess_lag` where they are put together by hand, else empty.
+    steps : how often it is solved, each time warm-started from the last.
+    parameter : (step, x) -> p of that step, given the x found so far.
+    keep : what must outlive the solve (the owner of callback Functions).
+    """
+
+    variables: tuple[Variable, ...]
+    g_lower: np.ndarray
+    g_upper: np.ndarray
+    oracle: ca.Function
+    steps: int
+    parameter: Callable[[int, np.ndarray], np.ndarray]
+    derivatives: dict[str, ca.Function] = field(default_factory=dict)
+    keep: Any = None
+
+    def stacked(self, key: str) -> np.ndarray:
+        """`lower`, `upper`, `scale` or `guess` of all variables, one after the other."""
+        return np.concatenate([getattr(variable, key) for variable in self.variables])
+
+
+class Callback(ca.Callback):
+    """A CasADi Function from a Python function on NumPy views; None where an output is not asked for."""
+
+    def __init__(
+        self,
+        name: str,
+        inputs: list[tuple[str, ca.Sparsity]],
+        outputs: list[tuple[str, ca.Sparsity]],
+        function: Callable[..., None],
+    ) -> None:
+        ca.Callback.__init__(self)
+        self._in, self._out, self._function = inputs, outputs, function
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._in)
+
+    def get_n_out(self) -> int:
+        return len(self._out)
+
+    def get_name_in(self, i: int) -> str:
+        return self._in[i][0]
+
+    def get_name_out(self, i: int) -> str:
+        return self._out[i][0]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return self._in[i][1]
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return self._out[i][1]
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arguments: Any, results: Any) -> int:
+        given = [None if x is None else np.frombuffer(x, dtype=float) for x in arguments]
+        wanted = [None if x is None else np.frombuffer(x, dtype=float) for x in results]
+        try:
+            self._function(given, wanted)
+        except (np.linalg.LinAlgError, FloatingPointError):
+            return 1  # the point cannot be evaluated: IPOPT shortens its step
+        return 0

@@ -1,0 +1,251 @@
+"""The robot on a time grid: flat-output coefficients in; motor torque, speed and joint motion out, with derivatives.
+
+At each grid point the flat output's jet (y, y', y'', z) and theta fix the unknowns xi by the stage equations
+(`pkmsea.actuation.equations`), exactly. The motor position's time derivatives come from central differences of
+order 8 on the periodic grid, which is several times finer than the flat output can vary.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from pkmsea.actuation import Actuation
+from pkmsea.actuation.equations import stage_functions
+from pkmsea.mechanism import pose
+from pkmsea.transcription.bases import Basis, derivative_weights
+from pkmsea.transcription.batch import Batch
+from pkmsea.transcription.cells import make_cells
+
+HALF_WIDTH = 4  # of the difference stencils: order 8
+NEWTON_STEP = 0.5  # largest step of a joint [rad, m]; a longer one may leave the branch
+NEWTON_TOLERANCE = 1e-12  # [m]
+NEWTON_ITERATIONS = 12
+BISECTIONS = 6
+
+
+@dataclass
+class State:
+    """Everything at one x, with derivatives as far as they have been asked for."""
+
+    x: np.ndarray
+    q: np.ndarray
+    xi: np.ndarray
+    w: np.ndarray
+    signals: np.ndarray
+    slope: np.ndarray | None = None  # dsignals/dx per cell
+    inner: np.ndarray | None = None  # dxi/dw
+    s_xi: np.ndarray | None = None
+    R_xi: np.ndarray | None = None
+
+
+class RobotOnGrid:
+    """Signals at all samples from x = (coefficients of each flat output, theta of each elastic drive).
+
+    Signals, in order: tau_i and motor speed of each drive, then q, v, a of all joints (2m + 3n).
+    """
+
+    def __init__(self, actuation: Actuation, basis: Basis, samples: int) -> None:
+        self.actuation, self.basis, self.samples = actuation, basis, samples
+        mechanism = actuation.mechanism
+        self.delta, self.m, self.n = mechanism.mobility, actuation.m, mechanism.model.nq
+        self.outputs = self.m  # entries of the flat output: delta + (m - delta)
+        self.size = self.outputs * basis.size + len(actuation.elastic)
+        self.t = np.arange(samples) * basis.period / samples
+        self.cells = make_cells(basis, samples, HALF_WIDTH)
+        self.r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
+        stage = stage_functions(actuation)
+        self._closed = Batch(stage.closed_pose, samples, ("Psi",))
+        self._unknowns = Batch(stage.unknowns, samples, ("xi",))
+        self._out, self._first = Batch(stage.outputs, samples, ("s",)), Batch(stage.first, samples)
+        self._second = Batch(stage.second, samples)
+        self._bases = [sparse.csr_matrix(basis.matrix(self.t, d)) for d in range(3)]
+        step = basis.period / samples
+        self._d1, self._d2 = (_circulant(derivative_weights(k, HALF_WIDTH) / step**k, samples) for k in (1, 2))
+        self._expand = self._expansion()
+        self.local = self._local_indices()
+        self._signs: tuple[float, float] | None = None
+        self._last: tuple[np.ndarray, np.ndarray] | None = None  # x and q that were evaluated last
+
+    def jets(self, x: np.ndarray) -> np.ndarray:
+        """w = (y, y', y'', z, theta) at all samples, (samples, 3 delta + k + m)."""
+        c, theta = self.split(x)
+        y = [B @ c[:, : self.delta] for B in self._bases]
+        z = self._bases[0] @ c[:, self.delta :]
+        full = np.zeros(self.m)
+        full[self.actuation.elastic] = theta
+        return np.hstack([*y, z, np.broadcast_to(full, (self.samples, self.m))])
+
+    def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients (basis size, flat outputs) and theta (elastic drives)."""
+        count = self.outputs * self.basis.size
+        return x[:count].reshape(self.outputs, -1).T, x[count:]
+
+    def start(self, x: np.ndarray) -> None:
+        """Find the poses along a first trajectory, by continuation from the seed and from sample to sample."""
+        mechanism, targets = self.actuation.mechanism, self.jets(x)[:, : self.delta]
+        system = pose.task_system(mechanism)
+        q = mechanism.configuration(targets[0])
+        poses = []
+        for target in targets:
+            following = pose.newton(system, q, target)
+            q = mechanism.configuration(target) if following is None else following
+            poses.append(q)
+        self._last = x.copy(), np.array(poses)
+        self._signs = None
+
+    def state(self, x: np.ndarray) -> State:
+        """Evaluate all signals.
+
+        Raises
+        ------
+        FloatingPointError : the trajectory leaves the workspace, or crosses a singularity.
+        """
+        w = self.jets(x)
+        q = self._poses(x, w)
+        xi, load_map = self._unknowns(q, w, self.r)
+        signs = np.sign(np.linalg.det(self._closed(q)[1])), np.sign(np.linalg.det(load_map))
+        if self._signs is None:
+            self._signs = float(signs[0][0]), float(signs[1][0])
+        if any(np.any(found != kept) for found, kept in zip(signs, self._signs, strict=True)):
+            raise FloatingPointError("the trajectory crosses a singularity")
+        if not np.all(np.isfinite(xi)):
+            raise FloatingPointError("the trajectory touches a singularity")
+        self._last = x.copy(), q
+        xi = xi.copy()
+        return State(x.copy(), q, xi, w, self._time(self._out(xi, w, self.r)[0]))
+
+    def differentiate(self, state: State) -> np.ndarray:
+        """dsignals/dx of each cell's own samples, (cells, r, signals, local variables)."""
+        if state.slope is None:
+            R_xi, R_w, s_xi, s_w = (x.copy() for x in self._first(state.xi, state.w, self.r))
+            state.R_xi, state.s_xi = R_xi, s_xi
+            state.inner = -np.linalg.solve(R_xi, R_w)
+            s_total = s_w + s_xi @ state.inner
+            spread = s_total[self.cells.samples] @ self._expand  # (cells, r + 2h, signals, local)
+            state.slope = self._time_local(spread)
+        return state.slope
+
+    def curvature(self, state: State, weights: np.ndarray) -> np.ndarray:
+        """Hessian of sum(weights * signals) per cell, (cells, local, local), all but the linear map's share."""
+        self.differentiate(state)
+        assert state.inner is not None and state.s_xi is not None and state.R_xi is not None
+        mu = self._time_transposed(weights)
+        nu = -np.linalg.solve(state.R_xi.transpose(0, 2, 1), (state.s_xi.transpose(0, 2, 1) @ mu[:, :, None]))[..., 0]
+        W = self._second(state.xi, state.w, self.r, mu, nu)[0]
+        count = state.xi.shape[1]
+        cross = W[:, count:, :count] @ state.inner
+        reduced = state.inner.transpose(0, 2, 1) @ (W[:, :count, :count] @ state.inner)
+        reduced += cross + cross.transpose(0, 2, 1) + W[:, count:, count:]
+        own = self._expand[self.cells.halo : self._expand.shape[0] - self.cells.halo]
+        right = reduced[self.cells.own] @ own
+        left = own.reshape(-1, own.shape[-1])
+        result: np.ndarray = left.T @ right.reshape(right.shape[0], -1, right.shape[-1])
+        return result
+
+    def _poses(self, x: np.ndarray, w: np.ndarray) -> np.ndarray:
+        if self._last is None:
+            raise RuntimeError("call start() with a first trajectory")
+        x_from, q = self._last
+        w_from, done, step = self.jets(x_from), 0.0, 1.0
+        for _ in range(2**BISECTIONS):
+            target = w_from + (done + step) * (w - w_from)
+            found = self._newton(q, target[:, : self.delta])
+            if found is None:
+                step /= 2
+                if step < 2.0**-BISECTIONS:
+                    break
+                continue
+            q, done = found, done + step
+            if done >= 1.0:
+                return q
+            step = min(2 * step, 1.0 - done)
+        raise FloatingPointError("the trajectory leaves the workspace")
+
+    def _newton(self, q: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+        goal = np.hstack([np.zeros((self.samples, self.n - self.delta)), target])
+        for _ in range(NEWTON_ITERATIONS):
+            Psi, A = self._closed(q)
+            gap = goal - Psi
+            if np.abs(gap).max() < NEWTON_TOLERANCE:
+                return q
+            try:
+                step = np.linalg.solve(A, gap[:, :, None])[..., 0]
+            except np.linalg.LinAlgError:
+                return None
+            if not np.abs(step).max() < NEWTON_STEP:
+                return None
+            q = q + step
+        return None
+
+    def _time(self, s: np.ndarray) -> np.ndarray:
+        """Signals from stage outputs: tau = M_M q_M'' + d_v q_M' + u and v_M = q_M' of the elastic drives."""
+        result = s.copy()
+        for i in self.actuation.elastic:
+            q_M, u = s[:, 2 * i], s[:, 2 * i + 1]
+            speed = self._d1 @ q_M
+            result[:, 2 * i] = self.r[i] * (self._d2 @ q_M) + self.r[self.m + i] * speed + u
+            result[:, 2 * i + 1] = speed
+        return result
+
+    def _time_transposed(self, weights: np.ndarray) -> np.ndarray:
+        result = weights.copy()
+        for i in self.actuation.elastic:
+            on_tau, on_speed = weights[:, 2 * i], weights[:, 2 * i + 1]
+            on_rate = self.r[self.m + i] * on_tau + on_speed
+            result[:, 2 * i] = self.r[i] * (self._d2.T @ on_tau) + self._d1.T @ on_rate
+            result[:, 2 * i + 1] = on_tau
+        return result
+
+    def _time_local(self, spread: np.ndarray) -> np.ndarray:
+        """The same as `_time`, on the slopes of each cell with its halo; returns the own samples."""
+        h, width = self.cells.halo, spread.shape[1]
+        step = self.basis.period / self.samples
+        d1, d2 = (_banded(derivative_weights(k, h) / step**k, width - 2 * h) for k in (1, 2))
+        result = spread[:, h : width - h].copy()
+        for i in self.actuation.elastic:
+            q_M = spread[:, :, 2 * i]
+            speed = d1 @ q_M
+            u = result[:, :, 2 * i + 1].copy()
+            result[:, :, 2 * i] = self.r[i] * (d2 @ q_M) + self.r[self.m + i] * speed + u
+            result[:, :, 2 * i + 1] = speed
+        return result
+
+    def _expansion(self) -> np.ndarray:
+        """dw/d(local variables) at a cell's samples, (r + 2h, w, local)."""
+        local = self.cells.local
+        width, L = local.shape[1:]
+        k = self.m - self.delta
+        result = np.zeros((width, 3 * self.delta + k + self.m, self.outputs * L + len(self.actuation.elastic)))
+        for axis in range(self.delta):
+            for d in range(3):
+                result[:, d * self.delta + axis, axis * L : (axis + 1) * L] = local[d]
+        for j in range(k):
+            column = (self.delta + j) * L
+            result[:, 3 * self.delta + j, column : column + L] = local[0]
+        for j, i in enumerate(self.actuation.elastic):
+            result[:, 3 * self.delta + k + i, self.outputs * L + j] = 1.0
+        return result
+
+    def _local_indices(self) -> np.ndarray:
+        """Index into x of each cell's local variables, (cells, local)."""
+        size, coefficients = self.basis.size, self.cells.coefficients
+        theta = self.outputs * size + np.arange(len(self.actuation.elastic))
+        blocks = [coefficients + output * size for output in range(self.outputs)]
+        return np.hstack([*blocks, np.broadcast_to(theta, (coefficients.shape[0], theta.size))])
+
+
+def _circulant(weights: np.ndarray, size: int) -> sparse.csr_matrix:
+    half = weights.size // 2
+    rows = np.repeat(np.arange(size), weights.size)
+    columns = (np.arange(size)[:, None] + np.arange(-half, half + 1)) % size
+    return sparse.csr_matrix((np.tile(weights, size), (rows, columns.ravel())), shape=(size, size))
+
+
+def _banded(weights: np.ndarray, rows: int) -> np.ndarray:
+    result = np.zeros((rows, rows + weights.size - 1))
+    for i in range(rows):
+        result[i, i : i + weights.size] = weights
+    return result

@@ -1,0 +1,59 @@
+"""Constraints that are linear in the flat output's coefficients: rest windows and limits of the end effector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from pkmsea.problem import Problem
+from pkmsea.task import Window
+from pkmsea.transcription.bases import Basis
+
+MARGIN = 1e-3  # of the deviation, left for what the end effector may do between two samples of a window
+PER_GRID_STEP = 2  # window samples per step of the grid
+FEWEST = 9
+
+
+@dataclass(frozen=True)
+class LinearRows:
+    """lower <= matrix x <= upper."""
+
+    matrix: sparse.csr_matrix
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+def window_times(window: Window, step: float) -> np.ndarray:
+    """Sample times of a rest window, both edges included; finer than the grid of step `step`."""
+    length = window.end - window.start
+    if length == 0.0:
+        return np.array([window.start])
+    return np.linspace(window.start, window.end, max(FEWEST, int(np.ceil(PER_GRID_STEP * length / step)) + 1))
+
+
+def linear_rows(problem: Problem, basis: Basis, samples: int, size: int) -> LinearRows:
+    """Rows for the windows, each a little narrower than asked (MARGIN), and for the end effector's limits."""
+    step = basis.period / samples
+    blocks, lower, upper = [], [], []
+
+    def add(axis: int, matrix: np.ndarray, low: float, high: float) -> None:
+        left = sparse.csr_matrix((matrix.shape[0], axis * basis.size))
+        right = sparse.csr_matrix((matrix.shape[0], size - (axis + 1) * basis.size))
+        blocks.append(sparse.hstack([left, sparse.csr_matrix(matrix), right]))
+        lower.append(np.full(matrix.shape[0], low))
+        upper.append(np.full(matrix.shape[0], high))
+
+    for window in problem.cycle.windows:
+        deviation = window.deviation * (1 - MARGIN)
+        at = basis.matrix(window_times(window, step))
+        add(window.axis, at, window.at - deviation, window.at + deviation)
+    grid = np.arange(samples) * step
+    for bound in problem.bounds:
+        if bound.quantity.endswith("r_E"):
+            order = len(bound.quantity) - len("r_E")
+            add(bound.index, basis.matrix(grid, order), bound.lower, bound.upper)
+    matrix = sparse.vstack(blocks).tocsr()
+    matrix.sort_indices()
+    return LinearRows(matrix, np.concatenate(lower), np.concatenate(upper))
