@@ -16,7 +16,7 @@ import numpy as np
 from pkmsea.actuation import Actuation
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.mechanism import Mechanism, load_mechanism
-from pkmsea.task import Cycle, Options, Task
+from pkmsea.task import Cycle, Options, Setup, Task
 from pkmsea.task.task import TaskLimits
 
 
@@ -38,12 +38,19 @@ class Bound:
 class Problem:
     """One setup's problem: the robot, its cycle and its bounds."""
 
-    task_name: str
-    name: str
+    task: Task
+    setup: Setup
     actuation: Actuation
-    cycle: Cycle
     bounds: tuple[Bound, ...]
-    options: Options
+
+    @property
+    def cycle(self) -> Cycle:
+        return self.task.cycle
+
+    @property
+    def options(self) -> Options:
+        """The setup's own options, else the task's."""
+        return self.setup.options or self.task.options
 
     @property
     def kappa(self) -> np.ndarray:
@@ -90,7 +97,7 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
         *_bounds("joints", ("q", "dq", "ddq"), mechanism.joints, task.limits, task),
         *_drive_bounds(actuation),
     )
-    return Problem(task.name, setup.name, actuation, task.cycle, bounds, setup.options or task.options)
+    return Problem(task, setup, actuation, bounds)
 
 
 def _bounds(group: str, quantities: tuple[str, ...], names: list[str], limits: TaskLimits, task: Task) -> list[Bound]:

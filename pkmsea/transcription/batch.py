@@ -35,3 +35,29 @@ class Batch:
         self._evaluate()
         pairs = zip(self._outputs, self._is_vector, strict=True)
         return [x[:, 0, :] if vector else x.transpose(0, 2, 1) for x, vector in pairs]
+
+
+NEWTON_STEP = 0.5  # largest step of a joint [rad, m]; a longer one may leave the branch
+NEWTON_TOLERANCE = 1e-12  # [m]
+NEWTON_ITERATIONS = 12
+
+
+def close_poses(system: Batch, q: np.ndarray, targets: np.ndarray) -> np.ndarray | None:
+    """Solve Psi(q) = [0; target] at all instants at once, near q (k, n); None where a step would be too long.
+
+    `system` is the Batch of `pkmsea.mechanism.pose.task_system`, with Psi as a vector.
+    """
+    goal = np.hstack([np.zeros((q.shape[0], q.shape[1] - targets.shape[1])), targets])
+    for _ in range(NEWTON_ITERATIONS):
+        Psi, A = system(q)
+        gap = goal - Psi
+        if np.abs(gap).max() < NEWTON_TOLERANCE:
+            return q
+        try:
+            step = np.linalg.solve(A, gap[:, :, None])[..., 0]
+        except np.linalg.LinAlgError:
+            return None
+        if not np.abs(step).max() < NEWTON_STEP:
+            return None
+        q = q + step
+    return None

@@ -13,6 +13,7 @@ import numpy as np
 from pkmsea.problem import Bound, Problem
 from pkmsea.transcription.bases import Basis
 from pkmsea.transcription.nlp import Callback, Nlp, Variable
+from pkmsea.transcription.pattern import Pattern
 from pkmsea.transcription.robot import RobotOnGrid, State
 from pkmsea.transcription.windows import LinearRows, linear_rows
 
@@ -30,12 +31,15 @@ class FlatNlp:
         self.weight = basis.period / samples
         self.rows: LinearRows = linear_rows(problem, basis, samples, self.robot.size)
         self.limited = [bound for bound in limited if not bound.quantity.endswith("r_E")]
-        self.columns = [self._signal(b) for b in self.limited]
+        self.columns = [column for bound in self.limited if (column := self.column(bound)) is not None]
         self._state: State | None = None
-        self._pattern = _Pattern(self.robot, self.rows, self.columns)
+        self._pattern = Pattern(self.robot, self.rows, self.columns)
 
-    def _signal(self, bound: Bound) -> int:
+    def column(self, bound: Bound) -> int | None:
+        """Column of the signal that a bound limits; None for the end effector's, which are linear."""
         m, n = self.robot.m, self.robot.n
+        if bound.quantity.endswith("r_E"):
+            return None
         if bound.quantity in SIGNALS:
             return 2 * bound.index + SIGNALS.index(bound.quantity)
         return 2 * m + n * ("q", "dq", "ddq").index(bound.quantity) + bound.index
@@ -179,52 +183,6 @@ class FlatNlp:
             name = f"ln c {actuation.labels[actuation.elastic[j]]}"
             result.append(Variable(name, np.array([low]), np.array([high]), np.ones(1), theta[j : j + 1]))
         return tuple(result)
-
-
-class _Pattern:
-    """Fixed sparsity of Jacobian and Hessian, and the scatter of cell blocks into their nonzeros."""
-
-    def __init__(self, robot: RobotOnGrid, rows: LinearRows, columns: list[int]) -> None:
-        self._size, self._index = robot.size, robot.local
-        self._own, self._columns = robot.cells.own, columns
-        a, b = np.broadcast_arrays(robot.local[:, :, None], robot.local[:, None, :])
-        upper = (a <= b).ravel()
-        keys = (b.ravel()[upper].astype(np.int64) * self._size + a.ravel()[upper]).astype(np.int64)
-        unique, self._slot = np.unique(keys, return_inverse=True)
-        self._upper = upper
-        self.hessian = _sparsity(self._size, self._size, unique % self._size, unique // self._size)
-        self._hessian_nnz = unique.size
-
-        linear = rows.matrix.tocoo()
-        first, count = rows.matrix.shape[0], len(columns)
-        self.rows = first + robot.samples * count
-        samples = self._own[:, :, None, None] * count + np.arange(count)[None, None, :, None]
-        variables = robot.local[:, None, None, :]
-        i, j = np.broadcast_arrays(first + samples, variables)
-        all_rows = np.concatenate([linear.row, i.ravel()])
-        all_columns = np.concatenate([linear.col, j.ravel()])
-        self._order = np.lexsort((all_rows, all_columns))
-        self.jacobian = _sparsity(self.rows, self._size, all_rows[self._order], all_columns[self._order])
-
-    def gather(self, weights: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        """sum over samples and signals of weights * slope, scattered to x."""
-        own = weights[self._own]
-        local = (own.reshape(own.shape[0], 1, -1) @ slope.reshape(own.shape[0], -1, slope.shape[-1]))[:, 0]
-        return np.bincount(self._index.ravel(), local.ravel(), self._size)
-
-    def hessian_values(self, blocks: np.ndarray) -> np.ndarray:
-        return np.bincount(self._slot, blocks.reshape(-1)[self._upper], self._hessian_nnz)
-
-    def jacobian_values(self, rows: LinearRows, slope: np.ndarray | None) -> np.ndarray:
-        linear = rows.matrix.tocoo().data
-        nonlinear = np.zeros(0) if slope is None else slope[:, :, self._columns, :].ravel()
-        return np.asarray(np.concatenate([linear, nonlinear])[self._order])
-
-
-def _sparsity(rows: int, columns: int, i: np.ndarray, j: np.ndarray) -> ca.Sparsity:
-    """Compressed columns from entries that are sorted by column, then row."""
-    starts = np.concatenate([[0], np.cumsum(np.bincount(j, minlength=columns))])
-    return ca.Sparsity(rows, columns, [int(s) for s in starts], [int(r) for r in i])
 
 
 def _positive_part_slopes(P: np.ndarray, eps: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,8 +11,7 @@ from pkmsea.transcription.windows import window_times
 
 DETOUR = 0.25  # standard deviation of a random detour, relative to the task's span
 HARMONICS = 3  # of a random detour
-COARSE = SplineBasis  # detours are shaped on few knots and then fitted
-COARSE_KNOTS, COARSE_DEGREE = 24, 5
+COARSE_KNOTS, COARSE_DEGREE = 24, 5  # paths are shaped on few knots and then fitted
 
 
 def path(problem: Problem, basis: Basis, rng: np.random.Generator | None) -> np.ndarray:
@@ -72,9 +71,7 @@ def _shared_load(problem: Problem, robot: RobotOnGrid, x: np.ndarray) -> np.ndar
     m, n = robot.m, robot.n
     u, q = state.xi[:, 3 * n : 3 * n + m], state.xi[:, :n]
     v, a = state.xi[:, n : 2 * n], state.xi[:, 2 * n : 3 * n]
-    A = robot._closed(q)[1]
-    N = np.linalg.solve(A, np.broadcast_to(np.eye(n)[:, n - robot.delta :], (q.shape[0], n, robot.delta)))
-    N_A = N[:, actuation.mechanism.actuated]
+    N_A = robot.drive_jacobian(q)
     share = (N_A @ np.linalg.pinv(N_A) @ u[:, :, None])[..., 0]
     z = np.empty((q.shape[0], len(actuation.free)))
     stiffness = np.exp(robot.jets(x)[:, -m:])

@@ -16,14 +16,11 @@ from pkmsea.actuation import Actuation
 from pkmsea.actuation.equations import stage_functions
 from pkmsea.mechanism import pose
 from pkmsea.transcription.bases import Basis, derivative_weights
-from pkmsea.transcription.batch import Batch
+from pkmsea.transcription.batch import Batch, close_poses
 from pkmsea.transcription.cells import make_cells
 
 HALF_WIDTH = 4  # of the difference stencils: order 8
-NEWTON_STEP = 0.5  # largest step of a joint [rad, m]; a longer one may leave the branch
-NEWTON_TOLERANCE = 1e-12  # [m]
-NEWTON_ITERATIONS = 12
-BISECTIONS = 6
+BISECTIONS = 6  # of the way from the last trajectory to a new one, where Newton does not reach it at once
 
 
 @dataclass
@@ -145,6 +142,12 @@ class RobotOnGrid:
         result: np.ndarray = left.T @ right.reshape(right.shape[0], -1, right.shape[-1])
         return result
 
+    def drive_jacobian(self, q: np.ndarray) -> np.ndarray:
+        """N_A at all samples, (samples, m, delta): v_A = N_A dr_E/dt."""
+        select = np.broadcast_to(np.eye(self.n)[:, self.n - self.delta :], (q.shape[0], self.n, self.delta))
+        N = np.linalg.solve(self._closed(q)[1], select)
+        return np.asarray(N[:, self.actuation.mechanism.actuated])
+
     def _poses(self, x: np.ndarray, w: np.ndarray) -> np.ndarray:
         if self._last is None:
             raise RuntimeError("call start() with a first trajectory")
@@ -152,7 +155,7 @@ class RobotOnGrid:
         w_from, done, step = self.jets(x_from), 0.0, 1.0
         for _ in range(2**BISECTIONS):
             target = w_from + (done + step) * (w - w_from)
-            found = self._newton(q, target[:, : self.delta])
+            found = close_poses(self._closed, q, target[:, : self.delta])
             if found is None:
                 step /= 2
                 if step < 2.0**-BISECTIONS:
@@ -163,22 +166,6 @@ class RobotOnGrid:
                 return q
             step = min(2 * step, 1.0 - done)
         raise FloatingPointError("the trajectory leaves the workspace")
-
-    def _newton(self, q: np.ndarray, target: np.ndarray) -> np.ndarray | None:
-        goal = np.hstack([np.zeros((self.samples, self.n - self.delta)), target])
-        for _ in range(NEWTON_ITERATIONS):
-            Psi, A = self._closed(q)
-            gap = goal - Psi
-            if np.abs(gap).max() < NEWTON_TOLERANCE:
-                return q
-            try:
-                step = np.linalg.solve(A, gap[:, :, None])[..., 0]
-            except np.linalg.LinAlgError:
-                return None
-            if not np.abs(step).max() < NEWTON_STEP:
-                return None
-            q = q + step
-        return None
 
     def _time(self, s: np.ndarray) -> np.ndarray:
         """Signals from stage outputs: tau = M_M q_M'' + d_v q_M' + u and v_M = q_M' of the elastic drives."""

@@ -1,0 +1,176 @@
+"""The audit: a motion checked on a dense grid by the exact flat map, independent of the transcription."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from pkmsea.actuation import flat_map
+from pkmsea.mechanism import pose
+from pkmsea.problem import Bound, Problem
+from pkmsea.transcription import Motion
+from pkmsea.transcription.batch import Batch, close_poses
+
+POINTS = 4000  # at least, per period; many more than any transcription's grid
+PER_MODE = 40  # and at least so many per highest harmonic of the basis
+STRIDE = 16  # of the continuation along the motion
+PER_WINDOW = 400  # points per rest window, edges included
+GAP = 5e-3  # largest relative difference between claimed and true energy of a verified result
+BALANCE = 1e-6  # largest relative residual of the power balance
+CLOSURE = 1e-8  # largest closure residual [m]
+WINDOW_EXCESS = 1e-9  # rounding, in a window's own units [m]
+LIMIT_EXCESS = 1e-3  # of a limit, relative to its size: limits hold on the transcription's grid
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What the dense grid says about a motion; `faults` is empty for a verified one.
+
+    Attributes
+    ----------
+    energy : integral of max(P, 0) over one period, the truth [J].
+    claimed : the transcription's own value [J].
+    gap : |claimed - energy| / energy.
+    closure : largest closure residual [m].
+    window : largest excess over a rest window at any instant [m]; zero or negative if kept.
+    limits : relative excess per limited quantity, e.g. {"tau A": -0.4}; negative if kept.
+    balance : |integral of (tau v_M - d_v v_M^2)| / energy, zero for a periodic motion.
+    inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
+    faults : what keeps the result from being verified, one sentence each.
+    """
+
+    energy: float
+    claimed: float
+    gap: float
+    closure: float
+    window: float
+    limits: dict[str, float]
+    balance: float
+    inverse: float
+    direct: float
+    faults: tuple[str, ...]
+
+    @property
+    def verified(self) -> bool:
+        return not self.faults
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """The whole motion on a dense periodic grid; all arrays (points, ...), SI units."""
+
+    t: np.ndarray
+    r_E: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    q_M: np.ndarray
+    v_M: np.ndarray
+    tau: np.ndarray
+    u: np.ndarray
+    power: np.ndarray
+
+
+def series(problem: Problem, motion: Motion, points: int | None = None) -> Series:
+    """Every quantity of a motion by the exact flat map.
+
+    Raises
+    ------
+    FloatingPointError : the motion leaves the workspace.
+    """
+    actuation, basis = problem.actuation, motion.basis
+    delta = actuation.mechanism.mobility
+    count = points or _even(max(POINTS, PER_MODE * basis.modes), basis.size)
+    t = np.arange(count) * basis.period / count
+    jets = [motion.flat_output(t, d) for d in range(5)]
+    Y = np.stack([jet[:, :delta] for jet in jets], axis=1).reshape(count, -1)
+    Z = np.stack([jet[:, delta:] for jet in jets[:3]], axis=1).reshape(count, -1)
+    q = _poses(problem, jets[0][:, :delta])
+    r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
+    exact = _as_columns(flat_map(actuation))
+    names = ("q_M", "v_M", "tau", "u", "v", "a")
+    c = np.nan_to_num(motion.stiffness, nan=1.0)
+    q_M, v_M, tau, u, v, a = (x.copy() for x in Batch(exact, count, names)(q, Y, Z, c, r))
+    power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
+    return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
+
+
+def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Series]:
+    """Check a motion; see `Audit`."""
+    s = series(problem, motion)
+    mean = problem.cycle.period / s.t.size
+    energy = float(np.maximum(s.power, 0).sum() * mean)
+    scale = max(energy, float(np.abs((s.tau * s.v_M).sum(axis=1)).sum() * mean), 1e-12)
+    friction = problem.actuation.numbers("friction")
+    balance = abs(float((s.tau * s.v_M - friction * s.v_M**2).sum() * mean)) / scale
+    gap = abs(claimed - energy) / max(energy, 1e-12)
+    mechanism = problem.actuation.mechanism
+    inverse, direct = pose.singularity(mechanism, s.q)
+    closed = mechanism.functions["closure_residual"].map(s.t.size)(s.q.T)
+    closure = float(np.abs(np.array(closed)).max(initial=0.0))
+    window = _window_excess(problem, motion)
+    limits = {f"{b.quantity} {b.name}": _limit_excess(b, s, motion, problem) for b in problem.bounds}
+    checks = [
+        (gap > GAP, f"the transcription claims {claimed:.4g} J, the dense grid gives {energy:.4g} J"),
+        (balance > BALANCE, f"the power balance is off by {balance:.1e}"),
+        (closure > CLOSURE, f"the loops open by {closure:.1e} m"),
+        (window > WINDOW_EXCESS, f"a rest window is overstepped by {window:.1e} m"),
+        *((x > LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in limits.items()),
+    ]
+    faults = tuple(text for failed, text in checks if failed)
+    result = Audit(
+        energy, claimed, gap, closure, window, limits, balance, float(inverse.min()), float(direct.min()), faults
+    )
+    return result, s
+
+
+def _even(wanted: int, pieces: int) -> int:
+    """A number of points that is a multiple of twice the pieces, so that every knot is one of them."""
+    return 2 * pieces * -(-wanted // (2 * pieces))
+
+
+def _poses(problem: Problem, targets: np.ndarray) -> np.ndarray:
+    """Poses along the path: continuation in strides, then Newton at all points at once."""
+    mechanism = problem.actuation.mechanism
+    system = pose.task_system(mechanism)
+    q = mechanism.configuration(targets[0])
+    sign = np.sign(np.linalg.det(np.array(system(q)[1])))
+    strided = []
+    for target in targets[::STRIDE]:
+        following = pose.newton(system, q, target)
+        q = mechanism.configuration(target) if following is None else following
+        strided.append(q)
+    batch = Batch(system, targets.shape[0], ("Psi",))
+    poses = close_poses(batch, np.repeat(strided, STRIDE, axis=0)[: targets.shape[0]], targets)
+    if poses is None or np.any(np.sign(np.linalg.det(batch(poses)[1])) != sign):
+        raise FloatingPointError("the motion leaves the workspace")
+    return poses
+
+
+def _as_columns(exact: ca.Function) -> ca.Function:
+    """The flat map with its matrix inputs Y and Z as columns, derivative after derivative."""
+    inputs = [ca.SX.sym(exact.name_in(i), exact.numel_in(i)) for i in range(exact.n_in())]
+    shaped = [ca.reshape(x, *exact.size_in(i)) for i, x in enumerate(inputs)]
+    return ca.Function("flat_map", inputs, exact.call(shaped), exact.name_in(), exact.name_out())
+
+
+def _window_excess(problem: Problem, motion: Motion) -> float:
+    worst = -np.inf
+    for w in problem.cycle.windows:
+        t = np.linspace(w.start, w.end, PER_WINDOW + 1)
+        r_E = motion.flat_output(t)[:, w.axis]
+        worst = max(worst, float(np.abs(r_E - w.at).max()) - w.deviation)
+    return worst
+
+
+def _limit_excess(bound: Bound, s: Series, motion: Motion, problem: Problem) -> float:
+    """Largest excess over a limit, relative to the larger of its two sides."""
+    i = bound.index
+    if bound.quantity.endswith("r_E"):
+        values = motion.flat_output(s.t, len(bound.quantity) - len("r_E"))[:, i]
+    else:
+        values = {"tau": s.tau, "speed": s.v_M, "q": s.q, "dq": s.v, "ddq": s.a}[bound.quantity][:, i]
+    size = max(abs(x) for x in (bound.lower, bound.upper) if np.isfinite(x))
+    return float(max((bound.lower - values).max(), (values - bound.upper).max()) / max(size, 1e-12))

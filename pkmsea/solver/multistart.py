@@ -1,0 +1,165 @@
+"""Many seeded starts of one problem, on all cores; every start ends in a typed outcome."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from pkmsea.problem import Problem, build_problem
+from pkmsea.solver.ipopt import Outcome, solve_nlp
+from pkmsea.task import Task
+from pkmsea.transcription import Transcription, transcribe
+
+SCREENING_STEPS = 2  # of the sharpening, before the best starts go on
+GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace
+
+Progress = Callable[["Start"], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """One start of the multi-start and where it ended.
+
+    Attributes
+    ----------
+    index : 0 is the plain guess, the others are random, each from its own seed.
+    x : the NLP's variables; None where no start could be made.
+    energy : claimed by the transcription [J]; infinite where there is no usable point.
+    stiffness : of the elastic drives.
+    limited : whether the limits of drives and joints had to be put into the NLP.
+    """
+
+    index: int
+    outcome: Outcome
+    x: np.ndarray | None
+    energy: float
+    stiffness: tuple[float, ...]
+    iterations: int
+    seconds: float
+    limited: bool = False
+
+    @property
+    def usable(self) -> bool:
+        return self.x is not None and np.isfinite(self.energy)
+
+
+def run_start(transcription: Transcription, index: int, final: bool = False) -> Start:
+    """Solve from the start of this index, up to the screening's sharpness, or to the end where `final`."""
+    begin = time.perf_counter()
+    options = transcription.problem.options
+    x = None
+    for attempt in range(GUESS_TRIES if index else 1):
+        rng = np.random.default_rng([options.seed, index, attempt]) if index else None
+        try:
+            x = transcription.start(rng)
+            break
+        except FloatingPointError:
+            continue
+    if x is None:
+        return Start(index, Outcome.UNREACHABLE, None, np.inf, (), 0, time.perf_counter() - begin)
+    return improve(transcription, index, x, begin, final=final)
+
+
+def improve(
+    transcription: Transcription, index: int, x: np.ndarray, begin: float | None = None, *, final: bool, first: int = 0
+) -> Start:
+    """Solve from x: first without the limits of drives and joints, again with them where they are overstepped."""
+    begin = time.perf_counter() if begin is None else begin
+    problem, limited, iterations = transcription.problem, False, 0
+    while True:
+        try:
+            nlp = transcription.nlp(x, limited)
+            steps = range(min(first, nlp.steps - 1), nlp.steps if final else min(SCREENING_STEPS, nlp.steps))
+            point = solve_nlp(nlp, problem.options, steps)
+            iterations += sum(point.iterations)
+            energy = transcription.energy(point.x) if point.usable else np.inf
+            kept = limited or not point.usable or transcription.within_limits(point.x)
+        except FloatingPointError:
+            return Start(index, Outcome.STALLED, None, np.inf, (), iterations, time.perf_counter() - begin, limited)
+        if kept:
+            break
+        x, limited = point.x, True
+    c = transcription.motion(point.x).stiffness
+    stiffness = tuple(float(s) for s in c[~np.isnan(c)])
+    seconds = time.perf_counter() - begin
+    return Start(index, point.outcome, point.x, energy, stiffness, iterations, seconds, limited)
+
+
+def multistart(problem: Problem, workers: int | None = None, progress: Progress | None = None) -> list[Start]:
+    """All starts of a problem, in the order of their indices; the best distinct ones are sharpened to the end.
+
+    An interrupt (Ctrl-C) ends the search early and returns what has been found.
+    """
+    count = problem.options.starts
+    done = list(_collect(_screened(problem, count, workers), progress))
+    best = distinct(done)[: max(2, count // 4)]
+    transcription = transcribe(problem)
+    finished = {s.index: _finish(transcription, s) for s in best}
+    return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index)
+
+
+def distinct(starts: Iterable[Start], energy: float = 1e-3, stiffness: float = 0.05) -> list[Start]:
+    """The usable starts, best first, without those that repeat a better one's energy and stiffness (relative)."""
+    kept: list[Start] = []
+    for start in sorted((s for s in starts if s.usable), key=lambda s: s.energy):
+        if not any(_same(start, other, energy, stiffness) for other in kept):
+            kept.append(start)
+    return kept
+
+
+def _same(a: Start, b: Start, energy: float, stiffness: float) -> bool:
+    near = abs(a.energy - b.energy) <= energy * abs(b.energy)
+    return near and np.allclose(np.log(a.stiffness), np.log(b.stiffness), rtol=0, atol=stiffness)
+
+
+def _finish(transcription: Transcription, start: Start) -> Start:
+    assert start.x is not None
+    final = improve(transcription, start.index, start.x, final=True, first=SCREENING_STEPS)
+    if not final.usable or final.energy > start.energy:
+        return start
+    return replace(final, iterations=start.iterations + final.iterations, seconds=start.seconds + final.seconds)
+
+
+def _collect(starts: Iterator[Start], progress: Progress | None) -> Iterator[Start]:
+    try:
+        for start in starts:
+            if progress is not None:
+                progress(start)
+            yield start
+    except KeyboardInterrupt:
+        return
+
+
+def _screened(problem: Problem, count: int, workers: int | None) -> Iterator[Start]:
+    jobs = min(workers or available_cores(), count)
+    if jobs == 1:
+        transcription = transcribe(problem)
+        return (run_start(transcription, index) for index in range(count))
+    task = problem.task
+    call = (task.model_dump_json(), str(task.file) if task.file else None, problem.setup.name)
+    pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
+    result: Iterator[Start] = pool(delayed(_remote)(*call, index) for index in range(count))
+    return result
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _remote(task_json: str, file: str | None, setup: str, index: int) -> Start:
+    return run_start(_cached(task_json, file, setup), index)
+
+
+@lru_cache(maxsize=4)
+def _cached(task_json: str, file: str | None, setup: str) -> Transcription:
+    task = Task.model_validate_json(task_json)
+    task._file = Path(file) if file else None
+    return transcribe(build_problem(task, setup))

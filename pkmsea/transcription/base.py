@@ -1,0 +1,53 @@
+"""What every transcription offers to the solve: starts, an NLP around a start, and the motion that an x means."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from pkmsea.problem import Problem
+from pkmsea.transcription.motion import Motion
+from pkmsea.transcription.nlp import Nlp
+
+
+class Transcription(ABC):
+    """A problem made finite; `samples` is the number of its grid points."""
+
+    samples: int
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+
+    @abstractmethod
+    def start(self, rng: np.random.Generator | None) -> np.ndarray:
+        """A first x: the plain one for None, else a random one.
+
+        Raises
+        ------
+        FloatingPointError : the path leaves the workspace.
+        """
+
+    @abstractmethod
+    def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
+        """The NLP around x; `limited` puts the limits of drives and joints into it."""
+
+    @abstractmethod
+    def energy(self, x: np.ndarray) -> float:
+        """The energy as the transcription sees it [J]."""
+
+    @abstractmethod
+    def motion(self, x: np.ndarray) -> Motion:
+        """The motion that x stands for."""
+
+    @abstractmethod
+    def within_limits(self, x: np.ndarray) -> bool:
+        """Whether x keeps the limits of drives and joints, which `nlp(x, limited=False)` leaves out."""
+
+    def refined(self) -> Transcription | None:
+        """The same on twice as fine a mesh; None where there is none."""
+        return None
+
+    def transfer(self, motion: Motion) -> np.ndarray:
+        """The x nearest to a motion."""
+        raise TypeError(f"{type(self).__name__} does not take over motions")

@@ -1,0 +1,74 @@
+"""The default transcription as the solve sees it: a basis, a grid, and the flat NLP on them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pkmsea.problem import Problem
+from pkmsea.task import Fourier, Spline
+from pkmsea.transcription import guess
+from pkmsea.transcription.base import Transcription
+from pkmsea.transcription.bases import make_basis
+from pkmsea.transcription.flat import FlatNlp
+from pkmsea.transcription.motion import Motion
+from pkmsea.transcription.nlp import Nlp
+
+PER_KNOT = 4  # grid points per knot: the motors' coordinates vary faster than the flat output
+FEWEST_SAMPLES = 200
+LIMIT_SLACK = 1e-9
+
+
+class FlatTranscription(Transcription):
+    """Flat outputs on splines or Fourier series, everything else on a grid several times finer."""
+
+    def __init__(self, problem: Problem, trajectory: Fourier | Spline, samples: int | None) -> None:
+        super().__init__(problem)
+        self.trajectory, self.basis = trajectory, make_basis(trajectory, problem.cycle.period)
+        wanted = samples or max(FEWEST_SAMPLES, 2 * PER_KNOT * self.basis.modes)
+        pieces = trajectory.knots if isinstance(trajectory, Spline) else 1
+        self.samples = pieces * math.ceil(wanted / pieces)
+        self._free = FlatNlp(problem, self.basis, self.samples, ())
+        self._limited: FlatNlp | None = None
+
+    def start(self, rng: np.random.Generator | None) -> np.ndarray:
+        return guess.start(self.problem, self._free.robot, rng)
+
+    def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
+        if not limited:
+            return self._free.nlp(x)
+        if self._limited is None:
+            self._limited = FlatNlp(self.problem, self.basis, self.samples, self.problem.bounds)
+        return self._limited.nlp(x)
+
+    def energy(self, x: np.ndarray) -> float:
+        self._free.robot.start(x)
+        return self._free.energy(x)
+
+    def motion(self, x: np.ndarray) -> Motion:
+        coefficients, theta = self._free.robot.split(x)
+        stiffness = np.full(self.problem.actuation.m, np.nan)
+        stiffness[self.problem.actuation.elastic] = np.exp(theta)
+        return Motion(self.basis, coefficients.copy(), stiffness)
+
+    def within_limits(self, x: np.ndarray) -> bool:
+        signals = self._free.at(x).signals
+        return all(
+            np.all(signals[:, column] >= bound.lower - LIMIT_SLACK)
+            and np.all(signals[:, column] <= bound.upper + LIMIT_SLACK)
+            for bound in self.problem.bounds
+            if (column := self._free.column(bound)) is not None
+        )
+
+    def refined(self) -> FlatTranscription:
+        if isinstance(self.trajectory, Spline):
+            finer: Fourier | Spline = self.trajectory.model_copy(update={"knots": 2 * self.trajectory.knots})
+            return FlatTranscription(self.problem, finer, 2 * self.samples)
+        return FlatTranscription(self.problem, self.trajectory, 2 * self.samples)
+
+    def transfer(self, motion: Motion) -> np.ndarray:
+        t = np.arange(4 * self.basis.size) * self.basis.period / (4 * self.basis.size)
+        coefficients = self.basis.fit(t, motion.flat_output(t))
+        theta = np.log(motion.stiffness[self.problem.actuation.elastic])
+        return np.concatenate([coefficients.T.ravel(), theta])
