@@ -61,6 +61,11 @@ class Mechanism:
         """Index into q of each minimal coordinate (delta)."""
         return [self.joints.index(name) for name in self.sidecar.independent]
 
+    @cached_property
+    def revolute(self) -> list[bool]:
+        """Whether each joint turns (n); the others slide."""
+        return [not joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]]
+
     @property
     def actuation_class(self) -> ActuationClass:
         """Compares the number m of drives with the mobility delta (paper, definition 1)."""

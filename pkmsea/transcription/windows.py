@@ -12,7 +12,7 @@ from pkmsea.task import Window
 from pkmsea.transcription.bases import Basis
 
 MARGIN = 1e-3  # of the deviation, left for what the end effector may do between two samples of a window
-PER_GRID_STEP = 2  # window samples per step of the grid
+PER_GRID_STEP = 4  # window samples per step of the grid
 FEWEST = 9
 
 

@@ -1,0 +1,66 @@
+"""Calibration: the value of one drive number for which a setup's least energy is a given one."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pkmsea.errors import SolveError
+from pkmsea.solution import solve
+from pkmsea.task import Task
+
+Number = Literal["inertia", "friction", "copper_loss"]
+WIDENING = 1.6  # factor by which the bracket grows
+WIDENINGS = 24
+
+
+def with_drive_numbers(task: Task, **numbers: float) -> Task:
+    """The same task with numbers of all drives of all setups replaced."""
+    setups = [
+        setup.model_copy(update={"drives": tuple(drive.model_copy(update=numbers) for drive in setup.drives)})
+        for setup in task.setups
+    ]
+    changed = task.model_copy(update={"setups": tuple(setups)})
+    changed._file = task.file
+    return changed
+
+
+def calibrate(task: Task, setup: str, number: Number, energy: float, start: float, tolerance: float = 1e-5) -> float:
+    """Find the value of a drive number with which the setup's minimal true energy is `energy` [J].
+
+    The energy must grow with the number, which holds for losses and inertia of a rigid robot. The bracket is searched
+    from `start` in factors of WIDENING, then closed by Brent's method in the logarithm.
+
+    Raises
+    ------
+    SolveError : no value reaches the energy.
+    """
+    single = task.model_copy(update={"setups": (task.setup(setup),)})
+    single = single.model_copy(update={"options": task.options.model_copy(update={"starts": 1})})
+    single._file = task.file
+
+    def excess(logarithm: float) -> float:
+        value = float(np.exp(logarithm))
+        return solve(with_drive_numbers(single, **{number: value}), workers=1).energy / energy - 1.0
+
+    low = high = np.log(start)
+    below = above = excess(low)
+    for _ in range(WIDENINGS):
+        if below <= 0 <= above:
+            break
+        if below > 0:
+            low -= np.log(WIDENING)
+            below = excess(low)
+        else:
+            high += np.log(WIDENING)
+            above = excess(high)
+    if not below <= 0 <= above:
+        raise SolveError(
+            f"No value of {number} gives the setup '{setup}' an energy of {energy:g} J.",
+            "Check the energy and the other numbers of the drives.", file=task.file, key=number,
+        )  # fmt: skip
+    if low == high:
+        return float(np.exp(low))
+    return float(np.exp(brentq(excess, low, high, xtol=tolerance, rtol=tolerance)))
