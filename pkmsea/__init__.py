@@ -1,0 +1,47 @@
+"""pkmsea: energy-optimal motion and spring stiffness of robots with series elastic drives.
+
+The public names; each is imported when it is first used, so that `import pkmsea` is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pkmsea.actuation import Actuation, Drive, flat_map
+    from pkmsea.errors import PkmseaError
+    from pkmsea.mechanism import Mechanism, load_mechanism
+    from pkmsea.problem import Problem, build_problem
+    from pkmsea.solution import Audit, Solution, solve, solve_all
+    from pkmsea.solution.store import load as load_solution
+    from pkmsea.study import calibrate
+    from pkmsea.task import Task, load_task
+    from pkmsea.transcription import Transcription, transcribe
+
+_WHERE = {
+    "Actuation": "actuation", "Drive": "actuation", "flat_map": "actuation",
+    "PkmseaError": "errors",
+    "Mechanism": "mechanism", "load_mechanism": "mechanism",
+    "Problem": "problem", "build_problem": "problem",
+    "Audit": "solution", "Solution": "solution", "solve": "solution", "solve_all": "solution",
+    "load_solution": "solution.store:load",
+    "calibrate": "study",
+    "Task": "task", "load_task": "task",
+    "Transcription": "transcription", "transcribe": "transcription",
+}  # fmt: skip
+
+__all__ = [
+    "Actuation", "Audit", "Drive", "Mechanism", "PkmseaError", "Problem", "Solution", "Task", "Transcription",
+    "build_problem", "calibrate", "flat_map", "load_mechanism", "load_solution", "load_task", "solve", "solve_all",
+    "transcribe",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'pkmsea' has no attribute '{name}'")
+    module, _, attribute = _WHERE[name].partition(":")
+    return getattr(import_module(f"pkmsea.{module}"), attribute or name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -13,7 +13,6 @@ from pkmsea.actuation.drive import Drive
 from pkmsea.errors import InputError
 from pkmsea.mechanism import Mechanism, pose
 
-
 RIGID_PENALTY = 0.1
 
 

@@ -46,9 +46,7 @@ def relative_degree(actuation: Actuation) -> tuple[int, ...]:
     return tuple(degrees)
 
 
-def _forward(
-    actuation: Actuation, q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.SX, tau: ca.SX
-) -> tuple[ca.SX, ca.SX]:
+def _forward(actuation: Actuation, q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.SX, tau: ca.SX) -> tuple[ca.SX, ca.SX]:
     """State x and its derivative; motor states of rigid drives stay unused."""
     mechanism = actuation.mechanism
     f = mechanism.functions

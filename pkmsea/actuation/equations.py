@@ -98,7 +98,9 @@ def stage_functions(actuation: Actuation) -> StageFunctions:
     unknowns = ca.vertcat(q, v_, a_, u_known, lam_)
     return StageFunctions(
         closed_pose,
-        ca.Function("unknowns", [q, w, r], ca.cse([ca.densify(unknowns), ca.densify(columns)]), ["q", "w", "r"], ["xi", "L"]),
+        ca.Function(
+            "unknowns", [q, w, r], ca.cse([ca.densify(unknowns), ca.densify(columns)]), ["q", "w", "r"], ["xi", "L"]
+        ),
         ca.Function("outputs", arguments, [s], names, ["s"]),
         ca.Function("first", arguments, ca.cse(first), names, ["R_xi", "R_w", "s_xi", "s_w"]),
         ca.Function("second", [*arguments, mu, nu], [ca.densify(ca.cse(hessian))], [*names, "mu", "nu"], ["W"]),
@@ -106,7 +108,15 @@ def stage_functions(actuation: Actuation) -> StageFunctions:
 
 
 def _drive_outputs(
-    actuation: Actuation, q: ca.SX, v: ca.SX, a: ca.SX, u: ca.SX, z: ca.SX, theta: ca.SX, inertia: ca.SX, friction: ca.SX
+    actuation: Actuation,
+    q: ca.SX,
+    v: ca.SX,
+    a: ca.SX,
+    u: ca.SX,
+    z: ca.SX,
+    theta: ca.SX,
+    inertia: ca.SX,
+    friction: ca.SX,
 ) -> ca.SX:
     """(2m,): (q_M, u) of an elastic drive, (tau, v_A) of a rigid one."""
     rows: list[ca.SX] = []

@@ -59,9 +59,7 @@ def _check_names(model: pin.Model, sidecar: Sidecar, file: Path) -> None:
             raise NameNotFound("frame", frame, frames, file=file, key=key)
 
 
-def _close(
-    Phi: ca.SX, q: ca.SX, model: pin.Model, sidecar: Sidecar, file: Path
-) -> tuple[np.ndarray, int, list[int]]:
+def _close(Phi: ca.SX, q: ca.SX, model: pin.Model, sidecar: Sidecar, file: Path) -> tuple[np.ndarray, int, list[int]]:
     """A closed seed pose, the mobility by rank, and the independent rows of Phi, chosen at the most generic pose."""
     every_row = ca.Function("closure", [q], [Phi, ca.densify(ca.jacobian(Phi, q))])
     guess = np.array([sidecar.seed.get(name, 0.0) for name in list(model.names)[1:]])

@@ -84,11 +84,11 @@ def paper_task(table: int, numbers: dict[str, float] | None = None) -> Task:
     return with_drive_numbers(load_task(FOLDER / ("linear_axis.yaml" if table == 1 else "pkm.yaml")), **numbers or {})
 
 
-def calibrated_numbers(table: int, workers_note: Callable[[str], None] | None = None) -> dict[str, float]:
+def calibrated_numbers(table: int, note: Callable[[str], None] | None = None) -> dict[str, float]:
     """The drive numbers of tables 2 to 4, each calibrated on a rigid row of the paper (see assumed.yaml)."""
     if table == 1:
         return {}
-    say = workers_note or (lambda text: None)
+    say = note or (lambda text: None)
     say("calibrating the copper loss")
     numbers = {"copper_loss": _calibrated("copper_loss", 2, ())}
     if table == 3:
@@ -122,8 +122,7 @@ def reproduce(
         numbers = calibrated_numbers(table, note)
         task = paper_task(table, numbers)
         if starts is not None:
-            options = task.options.model_copy(update={"starts": starts})
-            task = task.model_copy(update={"options": options})
+            task = task.with_starts(starts)
         rigid = np.nan
         for setup in task.setups:
             tell = None if report is None else (lambda start, n=setup.name, t=table: report(t, n, start))

@@ -1,8 +1,8 @@
 """The optimal control problem of one setup, before any discretisation (paper, section 4.3).
 
-    min over y(t), c   E = integral over one period of max(P, 0),   P = sum_i tau_i v_i + kappa_i tau_i^2
-    subject to         the robot's equations of motion (through its flat output y), y periodic,
-                       the rest windows at every instant, and the limits of motion and drives.
+min over y(t), c   E = integral over one period of max(P, 0),   P = sum_i tau_i v_i + kappa_i tau_i^2
+subject to         the robot's equations of motion (through its flat output y), y periodic,
+                   the rest windows at every instant, and the limits of motion and drives.
 """
 
 from __future__ import annotations

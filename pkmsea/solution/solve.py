@@ -65,9 +65,7 @@ def _rank(problem: Problem, transcription: Transcription, start: Start) -> tuple
     return result.gap > 10 * GAP or result.window > 0, result.energy
 
 
-def _refine(
-    problem: Problem, transcription: Transcription, best: Start
-) -> tuple[Motion, float, list[Mesh]]:
+def _refine(problem: Problem, transcription: Transcription, best: Start) -> tuple[Motion, float, list[Mesh]]:
     """Solve on finer meshes until the claimed energy is true to GAP; the first mesh is the multi-start's."""
     assert best.x is not None
     motion, claimed = transcription.motion(best.x), best.energy

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -18,6 +19,8 @@ from pkmsea.task import Task
 from pkmsea.transcription import Transcription, transcribe
 
 SCREENING_STEPS = 2  # of the sharpening, before the best starts go on
+SCREENING_ITERATIONS = 120  # per step: most starts need 20 to 80, and those that need more end badly
+FINISHED = 4  # starts at least that go on
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace
 
 Progress = Callable[["Start"], None]
@@ -50,8 +53,8 @@ class Start:
         return self.x is not None and np.isfinite(self.energy)
 
 
-def run_start(transcription: Transcription, index: int, final: bool = False) -> Start:
-    """Solve from the start of this index, up to the screening's sharpness, or to the end where `final`."""
+def run_start(transcription: Transcription, index: int) -> Start:
+    """Screen the start of this index: solve up to SCREENING_STEPS, and cut off what goes astray."""
     begin = time.perf_counter()
     options = transcription.problem.options
     x = None
@@ -64,7 +67,7 @@ def run_start(transcription: Transcription, index: int, final: bool = False) -> 
             continue
     if x is None:
         return Start(index, Outcome.UNREACHABLE, None, np.inf, (), 0, time.perf_counter() - begin)
-    return improve(transcription, index, x, begin, final=final)
+    return improve(transcription, index, x, begin, final=False)
 
 
 def improve(
@@ -72,12 +75,14 @@ def improve(
 ) -> Start:
     """Solve from x: first without the limits of drives and joints, again with them where they are overstepped."""
     begin = time.perf_counter() if begin is None else begin
-    problem, limited, iterations = transcription.problem, False, 0
+    options, limited, iterations = transcription.problem.options, False, 0
+    if not final and transcription.quick:
+        options = options.model_copy(update={"iterations": min(options.iterations, SCREENING_ITERATIONS)})
     while True:
         try:
             nlp = transcription.nlp(x, limited)
             steps = range(min(first, nlp.steps - 1), nlp.steps if final else min(SCREENING_STEPS, nlp.steps))
-            point = solve_nlp(nlp, problem.options, steps)
+            point = solve_nlp(nlp, options, steps)
             iterations += sum(point.iterations)
             energy = transcription.energy(point.x) if point.usable else np.inf
             kept = limited or not point.usable or transcription.within_limits(point.x)
@@ -98,10 +103,9 @@ def multistart(problem: Problem, workers: int | None = None, progress: Progress 
     An interrupt (Ctrl-C) ends the search early and returns what has been found.
     """
     count = problem.options.starts
-    done = list(_collect(_screened(problem, count, workers), progress))
-    best = distinct(done)[: max(2, count // 4)]
-    transcription = transcribe(problem)
-    finished = {s.index: _finish(transcription, s) for s in best}
+    done = list(_collect(_spread(problem, workers, [(run_start, index) for index in range(count)]), progress))
+    best = distinct(done)[: max(FINISHED, count // 6)]
+    finished = {s.index: s for s in _collect(_spread(problem, workers, [(finish, s) for s in best]), None)}
     return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index)
 
 
@@ -119,7 +123,8 @@ def _same(a: Start, b: Start, energy: float, stiffness: float) -> bool:
     return near and np.allclose(np.log(a.stiffness), np.log(b.stiffness), rtol=0, atol=stiffness)
 
 
-def _finish(transcription: Transcription, start: Start) -> Start:
+def finish(transcription: Transcription, start: Start) -> Start:
+    """Sharpen a screened start to the end; the better of the two is kept."""
     assert start.x is not None
     final = improve(transcription, start.index, start.x, final=True, first=SCREENING_STEPS)
     if not final.usable or final.energy > start.energy:
@@ -137,15 +142,16 @@ def _collect(starts: Iterator[Start], progress: Progress | None) -> Iterator[Sta
         return
 
 
-def _screened(problem: Problem, count: int, workers: int | None) -> Iterator[Start]:
-    jobs = min(workers or available_cores(), count)
-    if jobs == 1:
+def _spread(problem: Problem, workers: int | None, calls: list[tuple[Callable[..., Start], Any]]) -> Iterator[Start]:
+    """Run calls (function, argument) of a transcription here, or on several processes that each build their own."""
+    jobs = min(workers or available_cores(), len(calls))
+    if jobs <= 1:
         transcription = transcribe(problem)
-        return (run_start(transcription, index) for index in range(count))
+        return (function(transcription, argument) for function, argument in calls)
     task = problem.task
-    call = (task.model_dump_json(), str(task.file) if task.file else None, problem.setup.name)
+    key = (task.model_dump_json(), str(task.file) if task.file else None, problem.setup.name)
     pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
-    result: Iterator[Start] = pool(delayed(_remote)(*call, index) for index in range(count))
+    result: Iterator[Start] = pool(delayed(_remote)(key, function, argument) for function, argument in calls)
     return result
 
 
@@ -154,8 +160,8 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _remote(task_json: str, file: str | None, setup: str, index: int) -> Start:
-    return run_start(_cached(task_json, file, setup), index)
+def _remote(key: tuple[str, str | None, str], function: Callable[..., Start], argument: Any) -> Start:
+    return function(_cached(*key), argument)
 
 
 @lru_cache(maxsize=4)

@@ -37,13 +37,11 @@ def calibrate(task: Task, setup: str, number: Number, energy: float, start: floa
     ------
     SolveError : no value reaches the energy.
     """
-    single = task.model_copy(update={"setups": (task.setup(setup),)})
-    single = single.model_copy(update={"options": task.options.model_copy(update={"starts": 1})})
-    single._file = task.file
+    single = task.with_starts(1)
 
     def excess(logarithm: float) -> float:
         value = float(np.exp(logarithm))
-        return solve(with_drive_numbers(single, **{number: value}), workers=1).energy / energy - 1.0
+        return solve(with_drive_numbers(single, **{number: value}), setup, workers=1).energy / energy - 1.0
 
     low = high = np.log(start)
     below = above = excess(low)

@@ -116,6 +116,19 @@ class Task(Record):
             )  # fmt: skip
         raise NameNotFound("setup", name, names, file=self.file, key="setups")
 
+    def with_starts(self, starts: int) -> Task:
+        """The same task with another number of starts for every setup."""
+        setups = tuple(
+            setup.model_copy(update={"options": setup.options.model_copy(update={"starts": starts})})
+            if setup.options
+            else setup
+            for setup in self.setups
+        )
+        options = self.options.model_copy(update={"starts": starts})
+        changed = self.model_copy(update={"options": options, "setups": setups})
+        changed._file = self._file
+        return changed
+
     def mechanism_source(self, setup: Setup) -> Path:
         """The setup's mechanism folder, looked up beside the task file first."""
         beside = (self.file.parent if self.file else Path()) / setup.mechanism

@@ -12,9 +12,13 @@ from pkmsea.transcription.nlp import Nlp
 
 
 class Transcription(ABC):
-    """A problem made finite; `samples` is the number of its grid points."""
+    """A problem made finite.
+
+    `samples` is the number of its grid points; `quick` says that a start which takes many iterations may be cut off.
+    """
 
     samples: int
+    quick: bool = True
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem

@@ -48,6 +48,8 @@ class _Rows:
 class PaperTranscription(Transcription):
     """Unknowns: trajectory (chain states and inputs, or Fourier coefficients), ln c, poses q, and p_k >= max(P_k, 0)."""
 
+    quick = False
+
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
         options = problem.options

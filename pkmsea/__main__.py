@@ -1,0 +1,3 @@
+from pkmsea.cli import main
+
+main()

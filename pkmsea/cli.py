@@ -1,0 +1,200 @@
+"""The command line. Each command imports what it needs, so that --help answers at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(
+    name="pkmsea",
+    help="Energy-optimal motion and spring stiffness of robots with series elastic drives, from a URDF.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON.")]
+Out = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result files, figures and playback pages.")]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: the cores at hand.")]
+
+
+class Kind(StrEnum):
+    mechanism = "mechanism"
+    task = "task"
+
+
+@app.command()
+def check(
+    mechanism: Annotated[Path, typer.Argument(help="Mechanism folder, or the name of a shipped one.")],
+    json_: Json = False,
+) -> None:
+    """Load a mechanism and print mobility, joints, closures, H_A, singularity distance and workspace."""
+    from pkmsea.mechanism import load_mechanism
+    from pkmsea.views import tables
+
+    loaded = load_mechanism(mechanism)
+    record = tables.mechanism_record(loaded)
+    _emit(record) if json_ else tables.print_mechanism(loaded, record)
+
+
+@app.command()
+def solve(
+    task: Annotated[Path, typer.Argument(help="Task file (YAML).")],
+    out: Out = None,
+    setup: Annotated[list[str] | None, typer.Option("--setup", help="Only this setup; may be repeated.")] = None,
+    starts: Annotated[int | None, typer.Option("--starts", min=1, help="Overrides options.starts.")] = None,
+    workers: Workers = None,
+    json_: Json = False,
+) -> None:
+    """Solve a task: every setup that it lists, side by side."""
+    from pkmsea import solution, views
+    from pkmsea.errors import SolveError
+    from pkmsea.task import load_task
+    from pkmsea.views import tables
+    from pkmsea.views.output import save_all
+
+    loaded = load_task(task)
+    if starts is not None:
+        loaded = loaded.with_starts(starts)
+    names = setup or [s.name for s in loaded.setups]
+    solved: list[solution.Solution] = []
+    failed: SolveError | None = None
+    with tables.progress(quiet=json_) as report:
+        for name in names:
+            count = (loaded.setup(name).options or loaded.options).starts
+            try:
+                found = solution.solve(loaded, name, workers=workers, progress=report(name, count))
+            except SolveError as error:
+                failed = error
+                report.failed(name, error)
+                continue
+            solved.append(found)
+            if out is not None:
+                found.save(out / f"{views.file_name(name)}.nc")
+    if json_:
+        _emit([tables.solution_record(s, solved[0].energy) for s in solved])
+    elif solved:
+        tables.print_solutions(solved)
+    if solved and out is not None:
+        _tell(save_all(solved, out), json_)
+    if failed is not None:
+        raise failed
+
+
+@app.command()
+def reproduce(
+    table: Annotated[
+        list[int] | None, typer.Option("--table", min=1, max=4, help="Only this table; repeatable.")
+    ] = None,
+    out: Out = None,
+    starts: Annotated[int | None, typer.Option("--starts", min=1, help="Overrides the starts per setup.")] = None,
+    workers: Workers = None,
+    json_: Json = False,
+) -> None:
+    """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
+    from pkmsea import views
+    from pkmsea.paper.reproduce import TABLES, Row, paper_task
+    from pkmsea.paper.reproduce import reproduce as rows_of
+    from pkmsea.views import tables
+    from pkmsea.views.output import save_all
+
+    rows: list[Row] = []
+    chosen = sorted(set(table)) if table else TABLES
+    with tables.progress(quiet=json_) as report:
+
+        def tell(number: int, name: str, start: Any) -> None:
+            count = starts or paper_task(number).options.starts
+            report(f"table {number}, {name}", count)(start)
+
+        for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts):
+            rows.append(row)
+            if out is not None:
+                row.solution.save(out / f"table_{row.table}" / f"{views.file_name(row.setup)}.nc")
+    if json_:
+        _emit([row.record() for row in rows])
+    else:
+        tables.print_rows(rows)
+    if out is not None:
+        for number in chosen:
+            of_table = [row.solution for row in rows if row.table == number]
+            _tell(save_all(of_table, out / f"table_{number}"), json_)
+
+
+@app.command()
+def plot(
+    result: Annotated[list[Path], typer.Argument(help="Result files (.nc); several are drawn into one figure.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Figure file: .png, .pdf or .svg.")] = None,
+) -> None:
+    """Draw paths, positions, torques, power and energy of results in one figure."""
+    from pkmsea.solution.store import load
+    from pkmsea.views.figures import overview, save_figure
+
+    path = out or result[0].with_suffix(".png")
+    save_figure(overview([load(file) for file in result]), path)
+    typer.echo(f"wrote {path}")
+
+
+@app.command()
+def play(
+    result: Annotated[Path, typer.Argument(help="Result file (.nc).")],
+    html: Annotated[Path | None, typer.Option("--html", help="Write one self-contained page instead.")] = None,
+) -> None:
+    """Play a cycle in Meshcat, live on this machine, or as a page that opens from disk."""
+    from pkmsea.solution.store import load
+    from pkmsea.views import playback
+
+    solution = load(result)
+    if html is not None:
+        typer.echo(f"wrote {playback.write_page(solution, html)}")
+        return
+    visualizer = playback.play(solution)
+    visualizer.open()
+    typer.prompt("Playing; press Enter to stop", default="", show_default=False)
+
+
+@app.command()
+def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")]) -> None:
+    """Print the JSON Schema of a kind of file."""
+    from pkmsea.mechanism.sidecar import Sidecar
+    from pkmsea.task import Task
+
+    kinds = {Kind.mechanism: Sidecar, Kind.task: Task}
+    _emit(kinds[kind].model_json_schema())
+
+
+def _emit(record: Any) -> None:
+    typer.echo(json.dumps(record, indent=2, allow_nan=False))
+
+
+def _tell(paths: list[Path], quiet: bool) -> None:
+    for path in paths:
+        if not quiet:
+            typer.echo(f"wrote {path}")
+
+
+def main() -> None:
+    """Run the command line; errors of pkmsea become one paragraph and an exit code, without a traceback."""
+    from pkmsea.errors import PkmseaError
+
+    try:
+        app()
+    except PkmseaError as error:
+        _complain(error, error.exit_code)
+    except KeyboardInterrupt:
+        typer.echo("stopped; what was finished is saved", err=True)
+        sys.exit(1)
+
+
+def _complain(error: Any, code: int) -> None:
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+    console.print("pkmsea: ", style="bold red", end="")
+    console.print(str(error), markup=False)
+    sys.exit(code)

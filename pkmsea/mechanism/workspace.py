@@ -1,0 +1,105 @@
+"""The workspace of a mechanism on its assembly mode, by flooding a grid from the seed."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmsea.errors import Unreachable
+from pkmsea.mechanism import pose
+from pkmsea.mechanism.mechanism import Mechanism
+
+RAYS = 24  # along which the extent is probed
+CELLS = 64  # of the grid, across the larger extent
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Reachable points of a planar end effector on a grid (ny, nx).
+
+    Attributes
+    ----------
+    x, y : grid coordinates [m].
+    reachable : mask.
+    direct : signed determinant of [G; S_A] where m = delta, else the reciprocal condition number (type 2 singularity);
+        NaN where not reachable.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    reachable: np.ndarray
+    direct: np.ndarray
+
+
+def reach(mechanism: Mechanism, direction: np.ndarray, far: float) -> float:
+    """How far the end effector gets from the seed along a direction [m], at most `far`; to 1 per mille of it."""
+    start, low, high = mechanism.end_effector(mechanism.seed), 0.0, far
+    while high - low > 1e-3 * far:
+        middle = (low + high) / 2
+        try:
+            mechanism.configuration(start + middle * direction)
+            low = middle
+        except Unreachable:
+            high = middle
+    return low
+
+
+def size(mechanism: Mechanism) -> float:
+    """A length that no point of the mechanism is away from its end effector [m]: the sum of all placements."""
+    lengths = [float(np.linalg.norm(placement.translation)) for placement in mechanism.model.jointPlacements]
+    lengths += [float(np.linalg.norm(frame.placement.translation)) for frame in mechanism.model.frames]
+    strokes = [1.0 for turning in mechanism.revolute if not turning]
+    return sum(lengths) + sum(strokes) + 1e-3
+
+
+def workspace(mechanism: Mechanism) -> Workspace:
+    """Flood the grid from the seed; the mechanism must have a planar end effector."""
+    center = mechanism.end_effector(mechanism.seed)
+    far = size(mechanism)
+    angles = np.linspace(0, 2 * np.pi, RAYS, endpoint=False)
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    ends = center + rays * np.array([reach(mechanism, ray, far) for ray in rays])[:, None]
+    margin = 0.15 * np.ptp(ends, axis=0)
+    low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
+    step = float((high - low).max()) / CELLS
+    x, y = (np.arange(low[i], high[i] + step, step) for i in range(2))
+    poses = _flood(mechanism, x, y, center)
+    reachable = np.zeros((y.size, x.size), bool)
+    direct = np.full((y.size, x.size), np.nan)
+    if poses:
+        cells = np.array(list(poses))
+        rows, columns = cells.T
+        reachable[rows, columns] = True
+        direct[rows, columns] = _direct(mechanism, np.array(list(poses.values())))
+    return Workspace(x, y, reachable, direct)
+
+
+def _flood(mechanism: Mechanism, x: np.ndarray, y: np.ndarray, center: np.ndarray) -> dict[tuple[int, int], np.ndarray]:
+    system = pose.task_system(mechanism)
+    sign = np.sign(np.linalg.det(np.array(system(mechanism.seed)[1])))
+    first = int(np.abs(y - center[1]).argmin()), int(np.abs(x - center[0]).argmin())
+    start = pose.newton(system, mechanism.seed, np.array([x[first[1]], y[first[0]]]))
+    if start is None:
+        return {}
+    poses, queue = {first: start}, deque([first])
+    while queue:
+        i, j = queue.popleft()
+        for cell in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            if cell in poses or not (0 <= cell[0] < y.size and 0 <= cell[1] < x.size):
+                continue
+            q = pose.newton(system, poses[i, j], np.array([x[cell[1]], y[cell[0]]]))
+            if q is not None and np.sign(np.linalg.det(np.array(system(q)[1]))) == sign:
+                poses[cell] = q
+                queue.append(cell)
+    return poses
+
+
+def _direct(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    if len(mechanism.actuated) != mechanism.mobility:
+        return pose.singularity(mechanism, q)[1]
+    n = mechanism.model.nq
+    G = np.array(mechanism.functions["closure_jacobian"].map(q.shape[0])(q.T)).reshape(-1, q.shape[0], n)
+    select = np.broadcast_to(np.eye(n)[mechanism.actuated], (q.shape[0], mechanism.mobility, n))
+    return np.asarray(np.linalg.det(np.concatenate([G.transpose(1, 0, 2), select], axis=1)))

@@ -1,0 +1,153 @@
+"""Figures of solutions: one overview of all setups side by side, as in the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from scipy.ndimage import gaussian_filter
+
+from pkmsea.mechanism.workspace import workspace
+from pkmsea.solution import Solution
+from pkmsea.solution.store import write_whole
+
+COLORS = ("#444444", "#1f77b4", "#d1495b", "#3a9d5d", "#8e6bbf", "#e08e2b")
+DRIVE_STYLES = ("-", "--", ":", "-.")
+NEAR_SINGULAR = 0.02  # reciprocal condition number that is drawn for redundant drives, which rarely reach zero
+
+
+def overview(solutions: Sequence[Solution]) -> Figure:
+    """Path, cumulated energy and power of all setups above; positions and torques of each setup below.
+
+    Energies are in J, times in s; where a result is not verified its legend entry says so.
+    """
+    columns = max(3, len(solutions))
+    figure = Figure(figsize=(3.9 * columns, 10.2), layout="constrained")
+    grid = figure.add_gridspec(3, 6 * columns, height_ratios=(1.25, 1, 1))
+    first = solutions[0].problem
+    third = 2 * columns
+    top = [figure.add_subplot(grid[0, i * third : (i + 1) * third]) for i in range(3)]
+    path_panel(top[0], solutions)
+    energy_panel(top[1], solutions)
+    power_panel(top[2], solutions)
+    width = 6 * columns // len(solutions)
+    for row, draw in ((1, position_panel), (2, torque_panel)):
+        shared = None
+        for i, solution in enumerate(solutions):
+            axes = figure.add_subplot(grid[row, i * width : (i + 1) * width], sharey=shared)
+            draw(axes, solution)
+            shared = shared or (axes if row == 2 else None)
+    figure.suptitle(f"{first.task.name}: energy-optimal cycles of {first.cycle.period:g} s", fontsize=13)
+    return figure
+
+
+def path_panel(axes: Any, solutions: Sequence[Solution]) -> None:
+    """End-effector paths in the workspace with its border and singular curves; against time for one axis."""
+    problem = solutions[0].problem
+    if len(problem.span) != 2:
+        _axis_over_time(axes, solutions)
+        return
+    drawn: set[str] = set()
+    for solution in solutions:
+        mechanism = solution.problem.actuation.mechanism
+        key = str(mechanism.folder)
+        if key not in drawn:
+            _draw_workspace(axes, mechanism, faint=bool(drawn))
+            drawn.add(key)
+    for color, solution in zip(COLORS, solutions, strict=False):
+        r_E = np.vstack([solution.series.r_E, solution.series.r_E[:1]])
+        axes.plot(*r_E.T, color=color, label=_label(solution), lw=1.4)
+    for point in problem.cycle.points:
+        axes.plot(*point.at, "ks", ms=4)
+    axes.set(xlabel="x_E [m]", ylabel="y_E [m]", title="End-effector path", aspect="equal")
+    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=len(solutions), frameon=False)
+
+
+def _axis_over_time(axes: Any, solutions: Sequence[Solution]) -> None:
+    problem = solutions[0].problem
+    for color, solution in zip(COLORS, solutions, strict=False):
+        for axis, style in zip(range(len(problem.span)), DRIVE_STYLES, strict=False):
+            name = _label(solution) if axis == 0 else None
+            axes.plot(solution.series.t, solution.series.r_E[:, axis], style, color=color, label=name, lw=1.4)
+    period = problem.cycle.period
+    for w in problem.cycle.windows:
+        for shift in (-period, 0.0, period):
+            start, end = max(w.start + shift, 0.0), min(w.end + shift, period)
+            if end >= start:
+                corner = (start, w.at - w.deviation)
+                axes.add_patch(Rectangle(corner, end - start, 2 * w.deviation, color="k", lw=2))
+    axes.set(xlabel="t [s]", ylabel="r_E [m]", title="End-effector position; rest windows in black")
+    axes.legend(fontsize=8)
+
+
+def _draw_workspace(axes: Any, mechanism: Any, faint: bool) -> None:
+    space = workspace(mechanism)
+    smooth = gaussian_filter(space.reachable.astype(float), 1.0)
+    strength = 0.35 if faint else 1.0
+    if not faint:
+        axes.contourf(space.x, space.y, smooth, levels=[0.5, 1.5], colors=["#f1f3f6"])
+    axes.contour(space.x, space.y, smooth, levels=[0.5], colors="k", linewidths=1.2, alpha=strength)
+    redundant = len(mechanism.actuated) > mechanism.mobility
+    level = NEAR_SINGULAR if redundant else 0.0
+    finite = space.direct[np.isfinite(space.direct)]
+    if finite.size and finite.min() < level < finite.max():
+        contour = axes.contour(space.x, space.y, space.direct, levels=[level], colors="#c0392b", linewidths=1.0)
+        contour.set(linestyle="dotted" if redundant else "dashed")
+
+
+def energy_panel(axes: Any, solutions: Sequence[Solution]) -> None:
+    """Cumulated electrical energy."""
+    for color, solution in zip(COLORS, solutions, strict=False):
+        s = solution.series
+        drawn = np.cumsum(np.maximum(s.power, 0)) * solution.problem.cycle.period / s.t.size
+        axes.plot(s.t, drawn, color=color, label=f"{_label(solution)}  {solution.energy:.4g} J", lw=1.4)
+    axes.set(xlabel="t [s]", ylabel="E_el [J]", title="Cumulated energy")
+    axes.legend(fontsize=8)
+
+
+def power_panel(axes: Any, solutions: Sequence[Solution]) -> None:
+    """Electrical power on the bus; what is below zero is burnt."""
+    for color, solution in zip(COLORS, solutions, strict=False):
+        axes.plot(solution.series.t, solution.series.power, color=color, label=_label(solution), lw=1.1)
+    axes.axhline(0, color="k", lw=0.6)
+    axes.set(xlabel="t [s]", ylabel="P_el [W]", title="Power on the bus")
+
+
+def position_panel(axes: Any, solution: Solution) -> None:
+    """Joint (solid) and motor (dashed) position of each drive."""
+    s, actuation = solution.series, solution.problem.actuation
+    for i, label in enumerate(actuation.labels):
+        color = COLORS[1 + i % (len(COLORS) - 1)]
+        axes.plot(s.t, s.q[:, actuation.mechanism.actuated[i]], color=color, label=f"{label} joint", lw=1.3)
+        if actuation.drives[i].elastic:
+            axes.plot(s.t, s.q_M[:, i], "--", color=color, label=f"{label} motor", lw=1.1)
+    unit = "rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "m"
+    axes.set(xlabel="t [s]", ylabel=f"q_A, q_M [{unit}]", title=f"{solution.name}: positions")
+    axes.legend(fontsize=7, ncols=2)
+
+
+def torque_panel(axes: Any, solution: Solution) -> None:
+    """Motor torque of each drive."""
+    s, actuation = solution.series, solution.problem.actuation
+    for i, label in enumerate(actuation.labels):
+        axes.plot(s.t, s.tau[:, i], color=COLORS[1 + i % (len(COLORS) - 1)], label=label, lw=1.2)
+    unit = "N m" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "N"
+    axes.axhline(0, color="k", lw=0.6)
+    axes.set(xlabel="t [s]", ylabel=f"tau [{unit}]", title=f"{solution.name}: motor torque")
+    axes.legend(fontsize=7, ncols=3)
+
+
+def save_figure(figure: Figure, path: Path) -> Path:
+    """Write a figure whole or not at all; the suffix tells the format (png, pdf, svg)."""
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        write_whole(path, lambda temporary: figure.savefig(temporary, dpi=150))
+    return path
+
+
+def _label(solution: Solution) -> str:
+    return solution.name if solution.audit().verified else f"{solution.name} (not verified)"

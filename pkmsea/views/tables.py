@@ -1,0 +1,194 @@
+"""Tables and progress on the terminal, and the same as plain records for --json."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from pkmsea.errors import PkmseaError
+from pkmsea.mechanism import Mechanism
+from pkmsea.mechanism.workspace import reach, size
+from pkmsea.paper import Row
+from pkmsea.solution import Solution
+from pkmsea.solver import Start
+
+PIPED_WIDTH = 160  # columns where there is no terminal
+
+
+def console() -> Console:
+    return Console() if sys.stdout.isatty() else Console(width=PIPED_WIDTH, color_system=None)
+
+
+class Report:
+    """Progress of multi-starts: one bar per setup."""
+
+    def __init__(self, bars: Progress) -> None:
+        self._bars, self._tasks, self._best = bars, {}, {}
+
+    def __call__(self, name: str, count: int) -> Callable[[Start], None]:
+        if name not in self._tasks:
+            self._tasks[name] = self._bars.add_task(name, total=count, best="")
+            self._best[name] = np.inf
+
+        def advance(start: Start) -> None:
+            self._best[name] = min(self._best[name], start.energy)
+            best = f"best {self._best[name]:.4g} J" if np.isfinite(self._best[name]) else ""
+            self._bars.update(self._tasks[name], advance=1, best=best)
+
+        return advance
+
+    def note(self, text: str) -> None:
+        self._bars.console.print(text)
+
+    def failed(self, name: str, error: PkmseaError) -> None:
+        self._bars.console.print(f"{name}: {error.cause}", markup=False)
+
+
+@contextmanager
+def progress(quiet: bool = False) -> Iterator[Report]:
+    """Bars on a terminal's standard error; silent when piped or asked to be quiet."""
+    where = Console(stderr=True, quiet=quiet or not sys.stderr.isatty())
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("{task.fields[best]}"),
+    )  # fmt: skip
+    with Progress(*columns, console=where, disable=where.quiet) as bars:
+        yield Report(bars)
+
+
+def solution_record(solution: Solution, reference: float) -> dict[str, Any]:
+    """One solution as plain data; `ratio` is relative to the first setup."""
+    audit = solution.audit()
+    return {
+        "setup": solution.name,
+        "energy": solution.claimed,
+        "energy_true": solution.energy,
+        "ratio": solution.energy / reference,
+        "stiffness": [float(c) for c in solution.stiffness],
+        "status": solution.status,
+        "verified": audit.verified,
+        "gap": audit.gap,
+        "power_balance": audit.balance,
+        "closure": audit.closure,
+        "meshes": [vars(mesh) for mesh in solution.meshes],
+        "starts": len(solution.starts),
+        "seconds": solution.seconds,
+    }
+
+
+def print_solutions(solutions: Sequence[Solution]) -> None:
+    """Setups side by side; the first one is the reference, and what is not verified comes last."""
+    reference = solutions[0].energy
+    ordered = sorted(solutions, key=lambda s: not s.audit().verified)
+    table = Table(title=solutions[0].problem.task.name, box=box.SIMPLE_HEAD)
+    for name, justify in (
+        ("setup", "left"), ("E true [J]", "right"), ("E claimed [J]", "right"), ("relative", "right"),
+        ("stiffness [N m/rad, N/m]", "left"), ("distinct optima", "right"), ("time [s]", "right"), ("status", "left"),
+    ):  # fmt: skip
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for s in ordered:
+        optima = f"{_optima(s)} of {len(s.starts)} starts"
+        table.add_row(
+            s.name, f"{s.energy:.4g}", f"{s.claimed:.4g}", f"{s.energy / reference:.1%}", _springs(s.stiffness),
+            optima, f"{s.seconds:.1f}", s.status,
+        )  # fmt: skip
+    console().print(table)
+
+
+def print_rows(rows: Sequence[Row]) -> None:
+    """The paper's tables beside ours."""
+    out = console()
+    for number in sorted({row.table for row in rows}):
+        chosen = [row for row in rows if row.table == number]
+        assumed = ", ".join(f"{key} {value:.4g}" for key, value in chosen[0].assumed.items())
+        table = Table(
+            title=f"Table {number}: {chosen[0].title}", caption=f"assumed: {assumed}, and what assumed.yaml lists",
+            box=box.SIMPLE_HEAD, title_justify="left", caption_justify="left",
+        )  # fmt: skip
+        for name in ("setup", "E paper", "E claimed", "E true [J]", "ratio paper", "ratio", "c paper", "c", "status"):
+            table.add_column(name, justify="left" if name in ("setup", "c paper", "c", "status") else "right")
+        table.add_column("remark", justify="left")
+        for row in chosen:
+            s = row.solution
+            table.add_row(
+                row.setup, _or_dash(row.paper_energy, ".3g"), f"{s.claimed:.4g}", f"{s.energy:.4g}",
+                _or_dash(row.paper_ratio, ".1%"), f"{row.ratio:.1%}", _springs(row.paper_stiffness),
+                _springs(s.stiffness), s.status, row.remark,
+            )  # fmt: skip
+        out.print(table)
+
+
+def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
+    """What `check` tells, as plain data."""
+    inverse, direct = mechanism.singularity(mechanism.seed)
+    start, far = mechanism.end_effector(mechanism.seed), size(mechanism)
+    along = {}
+    for axis, direction in zip(mechanism.sidecar.end_effector.axes, np.eye(start.size), strict=True):
+        ends = [float(start @ direction) + sign * reach(mechanism, sign * direction, far) for sign in (-1, 1)]
+        along[axis] = [round(end, 4) for end in ends]
+    return {
+        "mechanism": mechanism.name,
+        "joints": mechanism.joints,
+        "mobility": mechanism.mobility,
+        "actuated": list(mechanism.sidecar.actuated),
+        "independent": list(mechanism.sidecar.independent),
+        "actuation_class": mechanism.actuation_class,
+        "closures": [closure.label for closure in mechanism.sidecar.closures],
+        "closure_residual": float(np.abs(mechanism.closure_residual(mechanism.seed)).max(initial=0.0)),
+        "seed": dict(zip(mechanism.joints, mechanism.seed.round(6).tolist(), strict=True)),
+        "end_effector": start.round(6).tolist(),
+        "H_A": mechanism.actuation_jacobian(mechanism.seed).round(6).tolist(),
+        "singularity": {"inverse": inverse, "direct": direct},
+        "workspace": along,
+    }
+
+
+def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
+    """The record of a mechanism as a table."""
+    table = Table(title=mechanism.name, box=box.SIMPLE_HEAD, show_header=False, title_justify="left")
+    table.add_column(style="bold")
+    table.add_column()
+    axes = ", ".join(mechanism.sidecar.end_effector.axes)
+    closures = ", ".join(record["closures"]) or "none"
+    drives = ", ".join(record["actuated"])
+    matrix = "\n".join("  ".join(f"{x:9.4f}" for x in row) for row in record["H_A"])
+    reached = "; ".join(f"{axis} from {low:g} to {high:g} m" for axis, (low, high) in record["workspace"].items())
+    lines = {
+        "mobility": f"{record['mobility']} ({record['actuation_class']}: {len(record['actuated'])} drives)",
+        "joints": ", ".join(record["joints"]),
+        "closures": f"{closures} (residual {record['closure_residual']:.1e} m)",
+        "drives": drives,
+        "independent": ", ".join(record["independent"]),
+        "seed pose": ", ".join(f"{k} {v:.4g}" for k, v in record["seed"].items()),
+        "end effector": f"{mechanism.sidecar.end_effector.frame} ({axes}) at "
+        + ", ".join(f"{x:.4g}" for x in record["end_effector"]) + " m",
+        "H_A at the seed": matrix,
+        "singularity distance": f"inverse {record['singularity']['inverse']:.3f}, "
+        f"direct {record['singularity']['direct']:.3f} (1 is isotropic, 0 singular)",
+        "workspace from seed": reached,
+    }  # fmt: skip
+    for key, value in lines.items():
+        table.add_row(key, value)
+    console().print(table)
+
+
+def _springs(stiffness: Any) -> str:
+    return ", ".join(f"{c:.3g}" for c in stiffness) or "-"
+
+
+def _or_dash(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _optima(solution: Solution) -> int:
+    from pkmsea.solver.multistart import distinct
+
+    return len(distinct(solution.starts))
