@@ -161,10 +161,11 @@ def play(
 @app.command()
 def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")]) -> None:
     """Print the JSON Schema of a kind of file."""
+    from pkmsea.files import Record
     from pkmsea.mechanism.sidecar import Sidecar
     from pkmsea.task import Task
 
-    kinds = {Kind.mechanism: Sidecar, Kind.task: Task}
+    kinds: dict[Kind, type[Record]] = {Kind.mechanism: Sidecar, Kind.task: Task}
     _emit(kinds[kind].model_json_schema())
 
 

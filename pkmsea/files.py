@@ -68,7 +68,7 @@ def parse(kind: type[R], data: Any, file: Path | str | None) -> R:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise _input_error(kind, error, file) from None
+        raise _input_error(kind, error, data, file) from None
 
 
 def read(kind: type[R], path: Path) -> R:
@@ -76,26 +76,41 @@ def read(kind: type[R], path: Path) -> R:
     return parse(kind, read_yaml(path), path)
 
 
-def _input_error(kind: type[Record], error: ValidationError, file: Path | str | None) -> InputError:
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"]) or kind.__name__.lower()
-    more = f" ({error.error_count() - 1} more faults follow in this file.)" if error.error_count() > 1 else ""
+def _input_error(kind: type[Record], error: ValidationError, data: Any, file: Path | str | None) -> InputError:
+    # of the branches of a union, the one that got deepest is what was meant
+    first = max(error.errors(), key=lambda fault: len(_path(data, fault["loc"])))
+    path = _path(data, first["loc"])
+    key = ".".join(str(part) for part in path) or None
     what = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":
-        fields = ", ".join(_fields_at(kind, first["loc"][:-1]))
+        fields = ", ".join(_fields_at(kind, path[:-1]))
         remedy = f"Remove it or use one of: {fields}." if fields else "Remove it or correct its name."
-        return InputError(f"This key is not known.{more}", remedy, file=file, key=key)
+        return InputError("This key is not known.", remedy, file=file, key=key)
     if first["type"] == "missing":
-        return InputError(f"This key is missing.{more}", "Add it.", file=file, key=key)
-    cause = what if what.endswith(".") else f"{what}."
+        return InputError("This key is missing.", "Add it; 'pkmsea schema' prints what it may be.", file=file, key=key)
     remedy = "Correct this value; 'pkmsea schema' prints what is allowed."
-    return InputError(f"{cause}{more}", remedy, file=file, key=key, value=first["input"])
+    return InputError(f"{what.rstrip('.')}.", remedy, file=file, key=key, value=first["input"] if key else None)
 
 
-def _fields_at(kind: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
-    """Field names of the record that `loc` leads to, as far as plain nesting tells."""
+def _path(data: Any, loc: tuple[Any, ...]) -> list[Any]:
+    """The part of a fault's location that stands in the file, without the names of union branches."""
+    path: list[Any] = []
+    for i, part in enumerate(loc):
+        inside = (isinstance(data, dict) and part in data) or (
+            isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
+        )
+        if inside:
+            data = data[part]
+            path.append(part)
+        elif i + 1 == len(loc) and isinstance(data, dict):
+            path.append(part)  # a missing key
+    return path
+
+
+def _fields_at(kind: type[BaseModel], path: list[Any]) -> list[str]:
+    """Field names of the record that `path` leads to, as far as plain nesting tells."""
     current: Any = kind
-    for part in loc:
+    for part in path:
         if not isinstance(part, str) or part not in getattr(current, "model_fields", {}):
             return []
         current = current.model_fields[part].annotation

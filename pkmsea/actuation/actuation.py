@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -68,7 +69,7 @@ class Actuation:
         m, delta = self.m, self.mechanism.mobility
         jacobians = np.array([self._drive_jacobian(q) for q in self.poses or (self.mechanism.seed,)])
 
-        def score(chosen: tuple[int, ...]) -> float:
+        def score(chosen: Iterable[int]) -> float:
             rest = [i for i in range(m) if i not in chosen]
             worst = float(np.abs(np.linalg.det(jacobians[:, rest])).min())
             return round(float(worst * RIGID_PENALTY ** sum(not self.drives[i].elastic for i in chosen)), 9)

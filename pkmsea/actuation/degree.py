@@ -28,14 +28,9 @@ def relative_degree(actuation: Actuation) -> tuple[int, ...]:
     state = np.concatenate([mechanism.seed, rng.normal(size=delta), rng.normal(size=2 * m)])
     degrees, decoupling = [], []
     for y in outputs:
-        for degree in range(MAX_DEGREE + 1):
-            row = ca.Function("row", [x, tau], [ca.densify(ca.jacobian(y, tau))])
-            gain = np.array(row(state, np.zeros(m)))
-            if np.abs(gain).max() > 0:
-                break
-            y = ca.jtimes(y, x, dx)
+        degree, gain = _first_gain(y, x, dx, tau, state)
         degrees.append(degree)
-        decoupling.append(gain.ravel())
+        decoupling.append(gain)
     scaled = np.array(decoupling) / np.abs(decoupling).max(axis=1, keepdims=True)
     if np.linalg.matrix_rank(scaled, tol=1e-8) < m:
         raise MechanismError(
@@ -44,6 +39,19 @@ def relative_degree(actuation: Actuation) -> tuple[int, ...]:
             "The flat map holds all the same; nothing needs to be done to solve such a task.",
         )
     return tuple(degrees)
+
+
+def _first_gain(y: ca.SX, x: ca.SX, dx: ca.SX, tau: ca.SX, state: np.ndarray) -> tuple[int, np.ndarray]:
+    """The first derivative of y that depends on tau, and its gain d(d^r y / dt^r)/dtau (m,) at a state."""
+    for degree in range(MAX_DEGREE + 1):
+        row = ca.Function("row", [x, tau], [ca.densify(ca.jacobian(y, tau))])
+        gain = np.array(row(state, np.zeros(tau.numel()))).ravel()
+        if gain.any():
+            return degree, gain
+        y = ca.jtimes(y, x, dx)
+    raise MechanismError(
+        f"No input occurs in the first {MAX_DEGREE} derivatives of an output.", "Check the drives of the mechanism."
+    )
 
 
 def _forward(actuation: Actuation, q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.SX, tau: ca.SX) -> tuple[ca.SX, ca.SX]:

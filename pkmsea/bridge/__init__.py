@@ -16,7 +16,7 @@ import pinocchio as pin
 from pkmsea.errors import BridgeError, NameNotFound
 
 try:
-    from pkmsea.bridge import _bridge
+    from pkmsea.bridge import _bridge  # type: ignore[attr-defined]
 except ImportError as error:
     raise BridgeError(
         f"The compiled module of pkmsea cannot be loaded ({error}).",

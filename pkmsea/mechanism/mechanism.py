@@ -74,7 +74,7 @@ class Mechanism:
             return "fully actuated"
         return "redundantly actuated" if m > self.mobility else "underactuated"
 
-    def configuration(self, point: Sequence[float]) -> np.ndarray:
+    def configuration(self, point: Sequence[float] | np.ndarray) -> np.ndarray:
         """All joints q (n,) with the end effector at a task-space point [m], on the declared assembly mode.
 
         The point is approached from the seed along a straight line, in steps that shrink where the pose turns

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -49,8 +49,8 @@ class Row:
         points = 100 * (self.ratio - self.paper_ratio)
         if abs(points) <= POINTS_OF_DIFFERENCE:
             return ""
-        return f"{abs(points):.1f} points {'below' if points < 0 else 'above'} the paper; base geometry is assumed" \
-            if self.table > 1 else f"{abs(points):.1f} points {'below' if points < 0 else 'above'} the paper"  # fmt: skip
+        why = "; base geometry and working mode are assumed" if self.table > 1 else ""
+        return f"{abs(points):.1f} points {'below' if points < 0 else 'above'} the paper{why}"
 
     def record(self) -> dict[str, Any]:
         """The row as plain data, for `pkmsea reproduce --json`."""
@@ -113,10 +113,12 @@ def reproduce(
     report: Report | None = None,
     note: Callable[[str], None] | None = None,
     starts: int | None = None,
+    setups: Sequence[str] | None = None,
 ) -> Iterator[Row]:
     """Solve the setups of the paper's tables and yield a row as soon as it is there.
 
-    Tables 2 to 4 end with RAPKM RD, which the paper leaves out. `starts` overrides the multi-start's size.
+    Tables 2 to 4 end with RAPKM RD, which the paper leaves out. `starts` overrides the multi-start's size,
+    `setups` keeps only the named rows; the rigid row comes first in every table and must be among them.
     """
     for table in tables:
         numbers = calibrated_numbers(table, note)
@@ -125,6 +127,8 @@ def reproduce(
             task = task.with_starts(starts)
         rigid = np.nan
         for setup in task.setups:
+            if setups is not None and setup.name not in setups:
+                continue
             tell = None if report is None else (lambda start, n=setup.name, t=table: report(t, n, start))
             solution = solve(task, setup.name, workers=workers, progress=tell)
             rigid = solution.energy if np.isnan(rigid) else rigid

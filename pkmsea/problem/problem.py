@@ -84,7 +84,7 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
     mechanism = load_mechanism(task.mechanism_source(setup))
     m = len(mechanism.actuated)
     drives = setup.drives * m if len(setup.drives) == 1 else setup.drives
-    axes = list(mechanism.sidecar.end_effector.axes)
+    axes = [str(axis) for axis in mechanism.sidecar.end_effector.axes]
     if len(task.cycle.points[0].at) != len(axes):
         raise InputError(
             f"The operating points have {len(task.cycle.points[0].at)} coordinates, but the end effector of "

@@ -21,7 +21,8 @@ GAP = 5e-3  # largest relative difference between claimed and true energy of a v
 BALANCE = 1e-6  # largest relative residual of the power balance
 CLOSURE = 1e-8  # largest closure residual [m]
 WINDOW_EXCESS = 1e-9  # rounding, in a window's own units [m]
-LIMIT_EXCESS = 1e-3  # of a limit, relative to its size: limits hold on the transcription's grid
+LIMIT_EXCESS = 1e-6  # rounding, relative to a limit's size
+IDLE = 1e-3  # share of the mechanical turnover below which an energy counts as zero
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,11 @@ class Audit:
     ----------
     energy : integral of max(P, 0) over one period, the truth [J].
     claimed : the transcription's own value [J].
-    gap : |claimed - energy| / energy.
+    gap : |claimed - energy| / energy; where less than IDLE of the drives' turnover is drawn, relative to that.
     closure : largest closure residual [m].
     window : largest excess over a rest window at any instant [m]; zero or negative if kept.
     limits : relative excess per limited quantity, e.g. {"tau A": -0.4}; negative if kept.
-    balance : |integral of (tau v_M - d_v v_M^2)| / energy, zero for a periodic motion.
+    balance : |integral of (tau v_M - d_v v_M^2)|, relative as the gap; zero for a periodic motion.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
     faults : what keeps the result from being verified, one sentence each.
     """
@@ -102,10 +103,11 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     s = series(problem, motion)
     mean = problem.cycle.period / s.t.size
     energy = float(np.maximum(s.power, 0).sum() * mean)
-    scale = max(energy, float(np.abs((s.tau * s.v_M).sum(axis=1)).sum() * mean), 1e-12)
+    turnover = float(np.abs(s.u * s.v[:, problem.actuation.mechanism.actuated]).sum() * mean)
+    scale = max(energy, IDLE * turnover, 1e-12)
     friction = problem.actuation.numbers("friction")
     balance = abs(float((s.tau * s.v_M - friction * s.v_M**2).sum() * mean)) / scale
-    gap = abs(claimed - energy) / max(energy, 1e-12)
+    gap = abs(claimed - energy) / scale
     mechanism = problem.actuation.mechanism
     inverse, direct = pose.singularity(mechanism, s.q)
     closed = mechanism.functions["closure_residual"].map(s.t.size)(s.q.T)

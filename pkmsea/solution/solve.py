@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pkmsea.errors import Infeasible, NotConverged
 from pkmsea.problem import Problem, build_problem
-from pkmsea.solution.audit import GAP, audit
+from pkmsea.solution.audit import GAP, Audit, audit
 from pkmsea.solution.solution import Mesh, Solution
 from pkmsea.solver import Outcome, Start, multistart
 from pkmsea.solver.multistart import Progress, distinct, improve
@@ -66,25 +67,26 @@ def _rank(problem: Problem, transcription: Transcription, start: Start) -> tuple
 
 
 def _refine(problem: Problem, transcription: Transcription, best: Start) -> tuple[Motion, float, list[Mesh]]:
-    """Solve on finer meshes until the claimed energy is true to GAP; the first mesh is the multi-start's."""
+    """Solve on finer meshes until the audit finds no fault; the first mesh is the multi-start's."""
     assert best.x is not None
     motion, claimed = transcription.motion(best.x), best.energy
-    energy = audit(problem, motion, claimed)[0].energy
-    meshes = [_mesh(motion, transcription, claimed, energy, best)]
+    result = audit(problem, motion, claimed)[0]
+    meshes = [_mesh(motion, transcription, result, best)]
     finer = transcription.refined()
-    while finer is not None and abs(claimed - energy) > GAP * energy and len(meshes) < MESHES:
-        result = improve(finer, best.index, finer.transfer(motion), final=True, first=1)
-        if result.x is None or not result.usable:
+    while finer is not None and not result.verified and len(meshes) < MESHES:
+        found = improve(finer, best.index, finer.transfer(motion), final=True, first=1)
+        if found.x is None or not found.usable:
             break
-        motion, claimed = finer.motion(result.x), result.energy
-        energy = audit(problem, motion, claimed)[0].energy
-        meshes.append(_mesh(motion, finer, claimed, energy, result))
+        motion, claimed = finer.motion(found.x), found.energy
+        result = audit(problem, motion, claimed)[0]
+        meshes.append(_mesh(motion, finer, result, found))
         finer = finer.refined()
     return motion, claimed, meshes
 
 
-def _mesh(motion: Motion, transcription: Transcription, claimed: float, energy: float, start: Start) -> Mesh:
-    return Mesh(motion.basis.size, transcription.samples, claimed, energy, start.iterations, start.seconds)
+def _mesh(motion: Motion, transcription: Transcription, result: Audit, start: Start) -> Mesh:
+    size, samples = motion.basis.size, transcription.samples
+    return Mesh(size, samples, result.claimed, result.energy, start.iterations, start.seconds)
 
 
 def _nothing_found(problem: Problem, starts: Sequence[Start]) -> Infeasible | NotConverged:
@@ -92,7 +94,7 @@ def _nothing_found(problem: Problem, starts: Sequence[Start]) -> Infeasible | No
     for start in starts:
         counts[start.outcome.value] = counts.get(start.outcome.value, 0) + 1
     how = ", ".join(f"{count} {outcome}" for outcome, count in counts.items()) or "none ran"
-    where = {"file": problem.task.file, "key": f"setup '{problem.setup.name}'"}
+    where: dict[str, Any] = {"file": problem.task.file, "key": f"setup '{problem.setup.name}'"}
     if any(start.outcome is Outcome.INFEASIBLE or start.limited for start in starts):
         limits = ", ".join(sorted({f"{b.quantity} of {b.name}" for b in problem.bounds})) or "the rest windows"
         return Infeasible(

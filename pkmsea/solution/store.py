@@ -148,7 +148,7 @@ def load(path: str | Path) -> Solution:
         task._file = Path(record["task_file"]) if record["task_file"] else None
         problem = build_problem(task, record["setup"])
         trajectory = json.loads(record["basis"])
-        kind = {"fourier": Fourier, "spline": Spline}[trajectory["kind"]]
+        kind: type[Fourier] | type[Spline] = Fourier if trajectory["kind"] == "fourier" else Spline
         basis = make_basis(kind.model_validate(trajectory), task.cycle.period)
         motion = Motion(basis, dataset["flat_output"].values.copy(), dataset["stiffness"].values.copy())
         starts = tuple(_start(r) for r in json.loads(record["starts"]))

@@ -19,14 +19,14 @@ class Batch:
         self._inputs = [np.zeros((k, function.size1_in(i))) for i in range(function.n_in())]
         self._outputs = []
         for i, x in enumerate(self._inputs):
-            self._buffer.set_arg(i, memoryview(x) if x.size else memoryview(np.zeros(1)))
+            self._buffer.set_arg(i, x.data if x.size else np.zeros(1).data)
         for i in range(function.n_out()):
             rows, columns = function.size_out(i)
             if function.sparsity_out(i).nnz() != rows * columns:
                 raise ValueError(f"output {i} of {function.name()} is sparse; densify it")
             # CasADi stores columns one after the other: (k, columns, rows) in NumPy's order
             self._outputs.append(np.zeros((k, columns, rows)))
-            self._buffer.set_res(i, memoryview(self._outputs[-1]) if rows * columns else memoryview(np.zeros(1)))
+            self._buffer.set_res(i, self._outputs[-1].data if rows * columns else np.zeros(1).data)
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """The outputs, overwritten by the next call."""

@@ -14,10 +14,10 @@ from pkmsea.transcription.bases import make_basis
 from pkmsea.transcription.flat import FlatNlp
 from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp
+from pkmsea.transcription.windows import narrowed
 
 PER_KNOT = 4  # grid points per knot: the motors' coordinates vary faster than the flat output
 FEWEST_SAMPLES = 200
-LIMIT_SLACK = 1e-9
 
 
 class FlatTranscription(Transcription):
@@ -55,10 +55,10 @@ class FlatTranscription(Transcription):
     def within_limits(self, x: np.ndarray) -> bool:
         signals = self._free.at(x).signals
         return all(
-            np.all(signals[:, column] >= bound.lower - LIMIT_SLACK)
-            and np.all(signals[:, column] <= bound.upper + LIMIT_SLACK)
+            np.all(signals[:, column] >= lower) and np.all(signals[:, column] <= upper)
             for bound in self.problem.bounds
             if (column := self._free.column(bound)) is not None
+            for lower, upper in [narrowed(bound.lower, bound.upper)]
         )
 
     def refined(self) -> FlatTranscription:

@@ -15,7 +15,7 @@ from pkmsea.transcription.bases import Basis
 from pkmsea.transcription.nlp import Callback, Nlp, Variable
 from pkmsea.transcription.pattern import Pattern
 from pkmsea.transcription.robot import RobotOnGrid, State
-from pkmsea.transcription.windows import LinearRows, linear_rows
+from pkmsea.transcription.windows import LinearRows, linear_rows, narrowed
 
 SHARPENING = (1.0, 0.3, 0.1, 0.03)  # eps of each step, relative to the mean positive power before it
 SMALLEST_POWER = 1e-9  # [W]; keeps the root differentiable where nothing moves
@@ -163,8 +163,9 @@ class FlatNlp:
                 "nlp_hess_l", [x, p, *multipliers], [("triu_hess_gamma_x_x", pattern.hessian)], second
             ),
         }
-        lower = np.concatenate([self.rows.lower, np.tile([b.lower for b in self.limited], self.robot.samples)])
-        upper = np.concatenate([self.rows.upper, np.tile([b.upper for b in self.limited], self.robot.samples)])
+        boxes = np.array([narrowed(bound.lower, bound.upper) for bound in self.limited]).reshape(-1, 2)
+        lower = np.concatenate([self.rows.lower, np.tile(boxes[:, 0], self.robot.samples)])
+        upper = np.concatenate([self.rows.upper, np.tile(boxes[:, 1], self.robot.samples)])
         return Nlp(self._variables(guess), lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
 
     def _sharpen(self, step: int, x: np.ndarray) -> np.ndarray:

@@ -46,7 +46,7 @@ class _Rows:
 
 
 class PaperTranscription(Transcription):
-    """Unknowns: trajectory (chain states and inputs, or Fourier coefficients), ln c, poses q, and p_k >= max(P_k, 0)."""
+    """Unknowns: chain states and inputs (or Fourier coefficients), ln c, poses q, and p_k >= max(P_k, 0)."""
 
     quick = False
 
@@ -174,8 +174,9 @@ class PaperTranscription(Transcription):
         parts["q"] = self.robot.state(flat).q.T
         if self.chain:
             for j in range(self.m):
-                jet = [self.basis.matrix(self.t, d) @ coefficients[:, j] for d in range(self._depth(j) + 1)]
-                parts[f"chain_{j}"], parts[f"input_{j}"] = np.array(jet[:-1]), jet[-1][None]
+                jet = np.array([self.basis.matrix(self.t, d) @ coefficients[:, j] for d in range(self._depth(j))])
+                mean_rate = (np.roll(jet[-1:], -1, axis=1) - jet[-1:]) / self.t[1]
+                parts[f"chain_{j}"], parts[f"input_{j}"] = jet, mean_rate
         else:
             parts["coefficients"] = coefficients
         parts["p"] = np.zeros((1, self.samples))

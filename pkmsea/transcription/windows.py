@@ -11,7 +11,7 @@ from pkmsea.problem import Problem
 from pkmsea.task import Window
 from pkmsea.transcription.bases import Basis
 
-MARGIN = 1e-3  # of the deviation, left for what the end effector may do between two samples of a window
+MARGIN = 1e-3  # of a window or limit, left for what happens between two samples
 PER_GRID_STEP = 4  # window samples per step of the grid
 FEWEST = 9
 
@@ -31,6 +31,12 @@ def window_times(window: Window, step: float) -> np.ndarray:
     if length == 0.0:
         return np.array([window.start])
     return np.linspace(window.start, window.end, max(FEWEST, int(np.ceil(PER_GRID_STEP * length / step)) + 1))
+
+
+def narrowed(lower: float, upper: float) -> tuple[float, float]:
+    """A limit with MARGIN of its larger side taken off both ends."""
+    margin = MARGIN * max(abs(x) for x in (lower, upper) if np.isfinite(x))
+    return lower + margin, upper - margin
 
 
 def linear_rows(problem: Problem, basis: Basis, samples: int, size: int) -> LinearRows:
@@ -53,7 +59,7 @@ def linear_rows(problem: Problem, basis: Basis, samples: int, size: int) -> Line
     for bound in problem.bounds:
         if bound.quantity.endswith("r_E"):
             order = len(bound.quantity) - len("r_E")
-            add(bound.index, basis.matrix(grid, order), bound.lower, bound.upper)
+            add(bound.index, basis.matrix(grid, order), *narrowed(bound.lower, bound.upper))
     matrix = sparse.vstack(blocks).tocsr()
     matrix.sort_indices()
     return LinearRows(matrix, np.concatenate(lower), np.concatenate(upper))

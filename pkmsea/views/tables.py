@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from pkmsea.errors import PkmseaError
@@ -31,7 +31,9 @@ class Report:
     """Progress of multi-starts: one bar per setup."""
 
     def __init__(self, bars: Progress) -> None:
-        self._bars, self._tasks, self._best = bars, {}, {}
+        self._bars = bars
+        self._tasks: dict[str, TaskID] = {}
+        self._best: dict[str, float] = {}
 
     def __call__(self, name: str, count: int) -> Callable[[Start], None]:
         if name not in self._tasks:
@@ -129,7 +131,7 @@ def print_rows(rows: Sequence[Row]) -> None:
 def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
     """What `check` tells, as plain data."""
     inverse, direct = mechanism.singularity(mechanism.seed)
-    start, far = mechanism.end_effector(mechanism.seed), size(mechanism)
+    start, far = mechanism.end_effector(mechanism.seed).round(9) + 0.0, size(mechanism)
     along = {}
     for axis, direction in zip(mechanism.sidecar.end_effector.axes, np.eye(start.size), strict=True):
         ends = [float(start @ direction) + sign * reach(mechanism, sign * direction, far) for sign in (-1, 1)]

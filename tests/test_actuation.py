@@ -1,0 +1,140 @@
+"""Drives, flat outputs and the flat map, against the forward dynamics and finite differences."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
+
+from pkmsea.actuation import Actuation, Drive, flat_map
+from pkmsea.actuation.equations import stage_functions
+from pkmsea.errors import InputError, MechanismError
+from pkmsea.mechanism import Mechanism
+from pkmsea.problem import build_problem
+from pkmsea.solution.audit import series
+from pkmsea.transcription import Motion
+from pkmsea.transcription.bases import SplineBasis
+from pkmsea.transcription.guess import path
+
+# every mixture that a robot of the paper allows
+MIXTURES = [
+    ("linear_axis_1", [SLIDER_RIGID]),
+    ("linear_axis_1", [SLIDER_ELASTIC]),
+    ("linear_axis_2", [SLIDER_RIGID] * 2),
+    ("linear_axis_2", [SLIDER_ELASTIC] * 2),
+    ("linear_axis_2", [SLIDER_RIGID, SLIDER_ELASTIC]),
+    ("pkm_2rrr", [RIGID] * 2),
+    ("pkm_2rrr", [ELASTIC] * 2),
+    ("pkm_2rrr", [RIGID, ELASTIC]),
+    ("pkm_3rrr", [RIGID] * 3),
+    ("pkm_3rrr", [ELASTIC] * 3),
+    ("pkm_3rrr", [RIGID, ELASTIC, ELASTIC]),
+]
+FRICTION = 4.8e-3
+RESIDUAL = 1e-8  # of equations of motion, relative to their largest term; rounding of second derivatives
+
+
+def actuation(mechanism: Mechanism, drives: list[dict]) -> Actuation:
+    return Actuation(mechanism, tuple(Drive.model_validate(drive) for drive in drives))
+
+
+@pytest.mark.parametrize(
+    ("name", "drives", "degree"),
+    [
+        ("linear_axis_1", [SLIDER_RIGID], (2,)),
+        ("linear_axis_1", [SLIDER_ELASTIC], (4,)),
+        ("linear_axis_2", [SLIDER_ELASTIC] * 2, (4, 2)),
+        ("linear_axis_2", [SLIDER_RIGID] * 2, (2, 0)),
+        ("pkm_2rrr", [RIGID] * 2, (2, 2)),
+        ("pkm_2rrr", [ELASTIC] * 2, (4, 4)),
+        ("pkm_3rrr", [ELASTIC] * 3, (4, 4, 2)),
+        ("pkm_3rrr", [RIGID] * 3, (2, 2, 0)),
+    ],
+)
+def test_relative_degree(mechanisms: dict[str, Mechanism], name: str, drives: list, degree: tuple) -> None:
+    assert actuation(mechanisms[name], drives).relative_degree() == degree
+
+
+def test_mixed_drives_have_no_relative_degree(mechanisms: dict[str, Mechanism]) -> None:
+    with pytest.raises(MechanismError, match="decoupling matrix is singular"):
+        actuation(mechanisms["pkm_2rrr"], [RIGID, ELASTIC]).relative_degree()
+
+
+@pytest.mark.parametrize(("name", "drives"), MIXTURES)
+def test_flat_map_satisfies_the_equations_of_motion(mechanisms: dict[str, Mechanism], name: str, drives: list) -> None:
+    """Paper, eq. (EOMAll) and (EOMRD), with M, g, H_A from the mechanism and the derivatives of a known motion."""
+    drives = [drive | {"friction": drive.get("friction", FRICTION)} for drive in drives]
+    problem = build_problem(task(name, drives))
+    robot = problem.actuation
+    basis = SplineBasis(problem.cycle.period, 24, 7)
+    free = 0.1 * np.random.default_rng(0).normal(size=(basis.size, len(robot.free)))
+    coefficients = np.hstack([path(problem, basis, None), free])
+    stiffness = np.array([np.sqrt(np.prod(d.stiffness_range)) if d.elastic else np.nan for d in robot.drives])
+    motion = Motion(basis, coefficients, stiffness)
+    s = series(problem, motion, points=1200)
+    h = s.t[1]
+    a_M = (
+        (-np.roll(s.v_M, -2, 0) + 8 * np.roll(s.v_M, -1, 0) - 8 * np.roll(s.v_M, 1, 0) + np.roll(s.v_M, 2, 0)) / 12 / h
+    )
+    inertia, friction = robot.numbers("inertia"), robot.numbers("friction")
+    mechanism = robot.mechanism
+    at, ind = mechanism.actuated, mechanism.independent
+    worst_load = worst_motor = 0.0
+    for k in range(0, s.t.size, 50):
+        H_A = mechanism.actuation_jacobian(s.q[k])
+        load = mechanism.mass_matrix(s.q[k]) @ s.a[k, ind] + mechanism.bias(s.q[k], s.v[k, ind])
+        worst_load = max(worst_load, np.abs(load - H_A.T @ s.u[k]).max() / max(np.abs(H_A.T @ s.u[k]).max(), 1e-3))
+        for i, drive in enumerate(robot.drives):
+            if drive.elastic:
+                spring = stiffness[i] * (s.q_M[k, i] - s.q[k, at[i]])
+                assert spring == pytest.approx(s.u[k, i], rel=1e-9, abs=1e-9)
+                motor = inertia[i] * a_M[k, i] + friction[i] * s.v_M[k, i] + spring
+            else:
+                motor = inertia[i] * s.a[k, at[i]] + friction[i] * s.v[k, at[i]] + s.u[k, i]
+            worst_motor = max(worst_motor, abs(motor - s.tau[k, i]) / max(np.abs(s.tau[:, i]).max(), 1e-9))
+    assert worst_load < RESIDUAL
+    assert worst_motor < 2e-3  # a_M by differences of order 4 over a step of 1/1200 period
+
+
+@pytest.mark.parametrize(("name", "drives"), MIXTURES)
+def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism], name: str, drives: list) -> None:
+    robot = actuation(mechanisms[name], drives)
+    delta, m = robot.mechanism.mobility, robot.m
+    rng = np.random.default_rng(1)
+    q = robot.mechanism.seed
+    Y, Z = rng.normal(size=(delta, 5)), rng.normal(size=(m - delta, 3))
+    Y[:, 0] = robot.mechanism.end_effector(q)
+    c = np.where([d.elastic for d in robot.drives], 0.3, 1.0)
+    r = np.concatenate([robot.numbers("inertia"), robot.numbers("friction")])
+    w = np.concatenate([Y[:, :3].T.ravel(), Z[:, 0], np.log(c)])
+    stage = stage_functions(robot)
+    xi = stage.unknowns(q, w, r)[0]
+    s = np.array(stage.outputs(xi, w, r)).ravel()
+    exact = flat_map(robot)(q, Y, Z, c, r)
+    q_M, _, tau, u, v, a = (np.array(x).ravel() for x in exact)
+    for i, drive in enumerate(robot.drives):
+        expected = (q_M[i], u[i]) if drive.elastic else (tau[i], v[robot.mechanism.actuated[i]])
+        np.testing.assert_allclose(s[2 * i : 2 * i + 2], expected, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(s[2 * m :], np.concatenate([q, v, a]), rtol=1e-10, atol=1e-10)
+
+
+def test_the_equations_hold_and_their_jacobian_is_regular(mechanisms: dict[str, Mechanism]) -> None:
+    robot = actuation(mechanisms["pkm_3rrr"], [ELASTIC] * 3)
+    stage = stage_functions(robot)
+    w = np.zeros(stage.unknowns.size1_in(1))
+    w[-3:] = np.log(0.2)
+    xi = stage.unknowns(robot.mechanism.seed, w, np.zeros(6))[0]
+    R_xi = np.array(stage.first(xi, w, np.zeros(6))[0])
+    assert R_xi.shape[0] == R_xi.shape[1] == ca.DM(xi).numel()
+    assert np.linalg.cond(R_xi) < 1e6
+
+
+def test_free_drive_leaves_a_well_conditioned_rest(mechanisms: dict[str, Mechanism]) -> None:
+    """B and C alone are singular at the second operating point, so A, the paper's choice, is not the free drive."""
+    problem = build_problem(task("pkm_3rrr", ELASTIC))
+    assert problem.actuation.free != [0]
+    assert actuation(mechanisms["linear_axis_2"], [SLIDER_ELASTIC] * 2).free == [0]
+
+
+def test_wrong_number_of_drives(mechanisms: dict[str, Mechanism]) -> None:
+    with pytest.raises(InputError, match=r"2 drives are given.*3 actuated joints"):
+        actuation(mechanisms["pkm_3rrr"], [RIGID] * 2)
