@@ -24,6 +24,9 @@ Out = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: the cores at hand.")]
 
 
+INTERRUPTED = 130  # how typer ends on Ctrl-C
+
+
 class Kind(StrEnum):
     mechanism = "mechanism"
     task = "task"
@@ -77,6 +80,8 @@ def solve(
             solved.append(found)
             if out is not None:
                 found.save(out / f"{views.file_name(name)}.nc")
+            if found.interrupted:
+                break
     if json_:
         _emit([tables.solution_record(s, solved[0].energy) for s in solved])
     elif solved:
@@ -85,6 +90,7 @@ def solve(
         _tell(save_all(solved, out), json_)
     if failed is not None:
         raise failed
+    _stop_if(bool(solved) and solved[-1].interrupted)
 
 
 @app.command()
@@ -116,14 +122,17 @@ def reproduce(
             rows.append(row)
             if out is not None:
                 row.solution.save(out / f"table_{row.table}" / f"{views.file_name(row.setup)}.nc")
+            if row.solution.interrupted:
+                break
     if json_:
         _emit([row.record() for row in rows])
     else:
         tables.print_rows(rows)
     if out is not None:
-        for number in chosen:
+        for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
             _tell(save_all(of_table, out / f"table_{number}"), json_)
+    _stop_if(bool(rows) and rows[-1].solution.interrupted)
 
 
 @app.command()
@@ -173,6 +182,11 @@ def _emit(record: Any) -> None:
     typer.echo(json.dumps(record, indent=2, allow_nan=False))
 
 
+def _stop_if(interrupted: bool) -> None:
+    if interrupted:
+        raise KeyboardInterrupt
+
+
 def _tell(paths: list[Path], quiet: bool) -> None:
     for path in paths:
         if not quiet:
@@ -187,8 +201,10 @@ def main() -> None:
         app()
     except PkmseaError as error:
         _complain(error, error.exit_code)
-    except KeyboardInterrupt:
-        typer.echo("stopped; what was finished is saved", err=True)
+    except SystemExit as stop:
+        if stop.code != INTERRUPTED:
+            raise
+        typer.echo("pkmsea: stopped; what was finished is printed, and saved where -o was given", err=True)
         sys.exit(1)
 
 

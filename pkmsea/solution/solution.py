@@ -38,6 +38,7 @@ class Solution:
     starts : every start of the multi-start and its outcome.
     meshes : the refinement.
     seconds : wall time of the whole solve.
+    interrupted : whether Ctrl-C ended the multi-start early; the solution is the best of what was found by then.
     """
 
     problem: Problem
@@ -46,6 +47,7 @@ class Solution:
     starts: tuple[Start, ...]
     meshes: tuple[Mesh, ...]
     seconds: float
+    interrupted: bool = False
 
     @cached_property
     def _audited(self) -> tuple[Audit, Series]:

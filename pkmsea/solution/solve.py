@@ -40,14 +40,17 @@ def solve(
     """
     begin = time.perf_counter()
     problem = build_problem(load_task(task) if isinstance(task, str | Path) else task, setup)
-    starts = multistart(problem, workers, progress)
+    starts, interrupted = multistart(problem, workers, progress)
     candidates = distinct(starts)[:AUDITED]
+    if not candidates and interrupted:
+        raise KeyboardInterrupt
     if not candidates:
         raise _nothing_found(problem, starts)
     transcription = transcribe(problem)
     best = min(candidates, key=lambda start: _rank(problem, transcription, start))
     motion, claimed, meshes = _refine(problem, transcription, best)
-    return Solution(problem, motion, claimed, tuple(starts), tuple(meshes), time.perf_counter() - begin)
+    seconds = time.perf_counter() - begin
+    return Solution(problem, motion, claimed, tuple(starts), tuple(meshes), seconds, interrupted)
 
 
 def solve_all(task: Task | str | Path, *, workers: int | None = None) -> list[Solution]:

@@ -97,16 +97,19 @@ def improve(
     return Start(index, point.outcome, point.x, energy, stiffness, iterations, seconds, limited)
 
 
-def multistart(problem: Problem, workers: int | None = None, progress: Progress | None = None) -> list[Start]:
+def multistart(
+    problem: Problem, workers: int | None = None, progress: Progress | None = None
+) -> tuple[list[Start], bool]:
     """All starts of a problem, in the order of their indices; the best distinct ones are sharpened to the end.
 
-    An interrupt (Ctrl-C) ends the search early and returns what has been found.
+    An interrupt (Ctrl-C) ends the search early; what has been found is returned, and True with it.
     """
     count = problem.options.starts
-    done = list(_collect(_spread(problem, workers, [(run_start, index) for index in range(count)]), progress))
+    done, interrupted = _collect(_spread(problem, workers, [(run_start, index) for index in range(count)]), progress)
     best = distinct(done)[: max(FINISHED, count // 6)]
-    finished = {s.index: s for s in _collect(_spread(problem, workers, [(finish, s) for s in best]), None)}
-    return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index)
+    sharpened, again = _collect(_spread(problem, workers, [(finish, s) for s in best]), None)
+    finished = {s.index: s for s in sharpened}
+    return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index), interrupted or again
 
 
 def distinct(starts: Iterable[Start], energy: float = 1e-3, stiffness: float = 0.05) -> list[Start]:
@@ -132,14 +135,17 @@ def finish(transcription: Transcription, start: Start) -> Start:
     return replace(final, iterations=start.iterations + final.iterations, seconds=start.seconds + final.seconds)
 
 
-def _collect(starts: Iterator[Start], progress: Progress | None) -> Iterator[Start]:
+def _collect(starts: Iterator[Start], progress: Progress | None) -> tuple[list[Start], bool]:
+    """All that finish before an interrupt, and whether there was one."""
+    done = []
     try:
         for start in starts:
             if progress is not None:
                 progress(start)
-            yield start
+            done.append(start)
     except KeyboardInterrupt:
-        return
+        return done, True
+    return done, False
 
 
 def _spread(problem: Problem, workers: int | None, calls: list[tuple[Callable[..., Start], Any]]) -> Iterator[Start]:

@@ -27,23 +27,23 @@ def overview(solutions: Sequence[Solution]) -> Figure:
     Energies are in J, times in s; where a result is not verified its legend entry says so.
     """
     columns = max(3, len(solutions))
-    figure = Figure(figsize=(3.9 * columns, 10.2), layout="constrained")
-    grid = figure.add_gridspec(3, 6 * columns, height_ratios=(1.25, 1, 1))
+    figure = Figure(figsize=(3.9 * columns, 10.4), layout="constrained")
+    above, middle, below = figure.subfigures(3, 1, height_ratios=(1.3, 1, 1))
+    for axes, draw in zip(above.subplots(1, 3), (path_panel, energy_panel, power_panel), strict=True):
+        draw(axes, solutions)
+    for axes, solution in zip(middle.subplots(1, len(solutions), squeeze=False)[0], solutions, strict=True):
+        position_panel(axes, solution)
+    torques = below.subplots(1, len(solutions), squeeze=False, sharey=_same_unit(solutions))[0]
+    for axes, solution in zip(torques, solutions, strict=True):
+        torque_panel(axes, solution)
     first = solutions[0].problem
-    third = 2 * columns
-    top = [figure.add_subplot(grid[0, i * third : (i + 1) * third]) for i in range(3)]
-    path_panel(top[0], solutions)
-    energy_panel(top[1], solutions)
-    power_panel(top[2], solutions)
-    width = 6 * columns // len(solutions)
-    for row, draw in ((1, position_panel), (2, torque_panel)):
-        shared = None
-        for i, solution in enumerate(solutions):
-            axes = figure.add_subplot(grid[row, i * width : (i + 1) * width], sharey=shared)
-            draw(axes, solution)
-            shared = shared or (axes if row == 2 else None)
     figure.suptitle(f"{first.task.name}: energy-optimal cycles of {first.cycle.period:g} s", fontsize=13)
     return figure
+
+
+def _same_unit(solutions: Sequence[Solution]) -> bool:
+    mechanisms = [solution.problem.actuation.mechanism for solution in solutions]
+    return len({mechanism.revolute[mechanism.actuated[0]] for mechanism in mechanisms}) == 1
 
 
 def path_panel(axes: Any, solutions: Sequence[Solution]) -> None:
