@@ -11,11 +11,10 @@ from pkmsea.actuation import flat_map
 from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Problem
 from pkmsea.transcription import Motion
-from pkmsea.transcription.batch import Batch, close_poses
+from pkmsea.transcription.batch import Batch, poses_along
 
 POINTS = 4000  # at least, per period; many more than any transcription's grid
 PER_MODE = 40  # and at least so many per highest harmonic of the basis
-STRIDE = 16  # of the continuation along the motion
 PER_WINDOW = 400  # points per rest window, edges included
 GAP = 5e-3  # largest relative difference between claimed and true energy of a verified result
 BALANCE = 1e-6  # largest relative residual of the power balance
@@ -134,20 +133,13 @@ def _even(wanted: int, pieces: int) -> int:
 
 
 def _poses(problem: Problem, targets: np.ndarray) -> np.ndarray:
-    """Poses along the path: continuation in strides, then Newton at all points at once."""
+    """Poses along the path, all on the same side of the inverse-kinematic singularities."""
     mechanism = problem.actuation.mechanism
-    system = pose.task_system(mechanism)
-    q = mechanism.configuration(targets[0])
-    sign = np.sign(np.linalg.det(np.array(system(q)[1])))
-    strided = []
-    for target in targets[::STRIDE]:
-        following = pose.newton(system, q, target)
-        q = mechanism.configuration(target) if following is None else following
-        strided.append(q)
-    batch = Batch(system, targets.shape[0], ("Psi",))
-    poses = close_poses(batch, np.repeat(strided, STRIDE, axis=0)[: targets.shape[0]], targets)
-    if poses is None or np.any(np.sign(np.linalg.det(batch(poses)[1])) != sign):
-        raise FloatingPointError("the motion leaves the workspace")
+    system = Batch(pose.task_system(mechanism), targets.shape[0], ("Psi",))
+    poses = poses_along(mechanism, system, targets)
+    signs = np.sign(np.linalg.det(system(poses)[1]))
+    if np.any(signs != signs[0]):
+        raise FloatingPointError("the motion crosses a singularity")
     return poses
 
 

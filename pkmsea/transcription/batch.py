@@ -5,6 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from pkmsea.mechanism import Mechanism, pose
+
 
 class Batch:
     """Evaluates a Function whose inputs are columns at k instants: arrays (k, size) in, arrays (k, ...) out.
@@ -40,6 +42,7 @@ class Batch:
 NEWTON_STEP = 0.5  # largest step of a joint [rad, m]; a longer one may leave the branch
 NEWTON_TOLERANCE = 1e-12  # [m]
 NEWTON_ITERATIONS = 12
+STRIDES = (8, 1)  # of the continuation along a path; the second one where points lie far apart
 
 
 def close_poses(system: Batch, q: np.ndarray, targets: np.ndarray) -> np.ndarray | None:
@@ -61,3 +64,24 @@ def close_poses(system: Batch, q: np.ndarray, targets: np.ndarray) -> np.ndarray
             return None
         q = q + step
     return None
+
+
+def poses_along(mechanism: Mechanism, system: Batch, targets: np.ndarray) -> np.ndarray:
+    """Poses (k, n) along a path of the end effector: continuation from the seed in strides, then Newton for all.
+
+    Raises
+    ------
+    FloatingPointError, Unreachable : the path leaves the workspace.
+    """
+    single = pose.task_system(mechanism)
+    for stride in STRIDES:
+        q = mechanism.configuration(targets[0])
+        strided = []
+        for target in targets[::stride]:
+            following = pose.newton(single, q, target)
+            q = mechanism.configuration(target) if following is None else following
+            strided.append(q)
+        poses = close_poses(system, np.repeat(strided, stride, axis=0)[: targets.shape[0]], targets)
+        if poses is not None:
+            return poses
+    raise FloatingPointError("the path leaves the workspace")

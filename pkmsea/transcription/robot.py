@@ -14,10 +14,11 @@ from scipy import sparse
 
 from pkmsea.actuation import Actuation
 from pkmsea.actuation.equations import stage_functions
-from pkmsea.mechanism import pose
+from pkmsea.errors import Unreachable
 from pkmsea.transcription.bases import Basis, derivative_weights
-from pkmsea.transcription.batch import Batch, close_poses
+from pkmsea.transcription.batch import Batch, close_poses, poses_along
 from pkmsea.transcription.cells import make_cells
+from pkmsea.transcription.compiled import compile_functions
 
 HALF_WIDTH = 4  # of the difference stencils: order 8
 BISECTIONS = 6  # of the way from the last trajectory to a new one, where Newton does not reach it at once
@@ -54,10 +55,10 @@ class RobotOnGrid:
         self.cells = make_cells(basis, samples, HALF_WIDTH)
         self.r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
         stage = stage_functions(actuation)
-        self._closed = Batch(stage.closed_pose, samples, ("Psi",))
-        self._unknowns = Batch(stage.unknowns, samples, ("xi",))
-        self._out, self._first = Batch(stage.outputs, samples, ("s",)), Batch(stage.first, samples)
-        self._second = Batch(stage.second, samples)
+        functions = (stage.closed_pose, stage.unknowns, stage.outputs, stage.first, stage.second)
+        self._closed, self._unknowns, self._out, self._first, self._second = (
+            Batch(function, samples, ("Psi", "xi", "s")) for function in compile_functions(functions)
+        )
         self._bases = [sparse.csr_matrix(basis.matrix(self.t, d)) for d in range(3)]
         step = basis.period / samples
         self._d1, self._d2 = (_circulant(derivative_weights(k, HALF_WIDTH) / step**k, samples) for k in (1, 2))
@@ -81,16 +82,13 @@ class RobotOnGrid:
         return x[:count].reshape(self.outputs, -1).T, x[count:]
 
     def start(self, x: np.ndarray) -> None:
-        """Find the poses along a first trajectory, by continuation from the seed and from sample to sample."""
-        mechanism, targets = self.actuation.mechanism, self.jets(x)[:, : self.delta]
-        system = pose.task_system(mechanism)
-        q = mechanism.configuration(targets[0])
-        poses = []
-        for target in targets:
-            following = pose.newton(system, q, target)
-            q = mechanism.configuration(target) if following is None else following
-            poses.append(q)
-        self._last = x.copy(), np.array(poses)
+        """Find the poses along a first trajectory; those of the following ones are found from the last."""
+        targets = self.jets(x)[:, : self.delta]
+        try:
+            poses = poses_along(self.actuation.mechanism, self._closed, targets)
+        except Unreachable as error:
+            raise FloatingPointError("the first trajectory leaves the workspace") from error
+        self._last = x.copy(), poses
         self._signs = None
 
     def state(self, x: np.ndarray) -> State:

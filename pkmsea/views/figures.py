@@ -28,7 +28,8 @@ def overview(solutions: Sequence[Solution]) -> Figure:
     """
     columns = max(3, len(solutions))
     figure = Figure(figsize=(3.9 * columns, 10.4), layout="constrained")
-    above, middle, below = figure.subfigures(3, 1, height_ratios=(1.3, 1, 1))
+    rows: Any = figure.subfigures(3, 1, height_ratios=(1.3, 1, 1))
+    above, middle, below = rows
     for axes, draw in zip(above.subplots(1, 3), (path_panel, energy_panel, power_panel), strict=True):
         draw(axes, solutions)
     for axes, solution in zip(middle.subplots(1, len(solutions), squeeze=False)[0], solutions, strict=True):
