@@ -1,0 +1,42 @@
+"""Every example runs, and every task file of the examples loads and fits its mechanism."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pkmsea.problem import build_problem
+from pkmsea.solution import solve
+from pkmsea.task import load_task
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+TASKS = sorted((EXAMPLES / "tasks").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", TASKS, ids=lambda path: path.stem)
+def test_task_files(path: Path) -> None:
+    task = load_task(path)
+    for setup in task.setups:
+        build_problem(task, setup.name)
+
+
+def test_mixed_drives_example() -> None:
+    """One rigid and one elastic arm: cheaper than two rigid ones."""
+    task = load_task(EXAMPLES / "tasks" / "pkm_rigid_and_elastic_mixed.yaml").with_starts(2)
+    energies = {setup.name: solve(task, setup.name, workers=1).energy for setup in task.setups}
+    first, *others = energies.values()
+    assert min(others) < first
+
+
+def run(script: str, folder: Path, *arguments: str) -> str:
+    command = [sys.executable, str(EXAMPLES / script), *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_first_cycle(tmp_path: Path) -> None:
+    assert "verified" in run("first_cycle.py", tmp_path)
