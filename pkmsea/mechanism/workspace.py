@@ -34,24 +34,33 @@ class Workspace:
 
 
 def reach(mechanism: Mechanism, direction: np.ndarray, far: float) -> float:
-    """How far the end effector gets from the seed along a direction [m], at most `far`; to 1 per mille of it."""
+    """How far the end effector gets from the seed along a direction [m], at most `far`; to 1e-4 of it.
+
+    Ends at the workspace's border or at a joint limit of the URDF.
+    """
     start, low, high = mechanism.end_effector(mechanism.seed), 0.0, far
-    while high - low > 1e-3 * far:
+    lower, upper = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    while high - low > 1e-4 * far:
         middle = (low + high) / 2
         try:
-            mechanism.configuration(start + middle * direction)
-            low = middle
+            q = mechanism.configuration(start + middle * direction)
         except Unreachable:
+            high = middle
+            continue
+        if np.all(q >= lower) and np.all(q <= upper):
+            low = middle
+        else:
             high = middle
     return low
 
 
 def size(mechanism: Mechanism) -> float:
-    """A length that no point of the mechanism is away from its end effector [m]: the sum of all placements."""
+    """A length that the end effector cannot move [m]: the sum of all placements and strokes."""
     lengths = [float(np.linalg.norm(placement.translation)) for placement in mechanism.model.jointPlacements]
     lengths += [float(np.linalg.norm(frame.placement.translation)) for frame in mechanism.model.frames]
-    strokes = [1.0 for turning in mechanism.revolute if not turning]
-    return sum(lengths) + sum(strokes) + 1e-3
+    model = mechanism.model
+    strokes = model.upperPositionLimit - model.lowerPositionLimit
+    return sum(lengths) + float(sum(s for s, turning in zip(strokes, mechanism.revolute, strict=True) if not turning))
 
 
 def workspace(mechanism: Mechanism) -> Workspace:

@@ -21,6 +21,7 @@ from pkmsea.solution.store import write_whole
 FRAMES_PER_SECOND = 60
 SLOW_MOTION = 2.0  # a cycle of a second or less is too quick for the eye
 BEADS = 14  # of a drawn spring
+SIDE = 0.38  # distance of a sliding rotor from its joint's axis, relative to the reach
 ROTOR, SPRING, TRACE = 0x2E86C1, 0xF39C12, 0xD1495B
 FOREVER = 1_000_000  # repetitions
 
@@ -102,7 +103,7 @@ def _pose(solution: Solution, robot: Any, data: Any, at: Any, q: np.ndarray, q_M
             turned = placement * lift * pin.SE3(pin.AngleAxis(q_M[i], axis).matrix(), np.zeros(3))
             at[f"rotor/{i}"].set_transform((turned * _along(axis)).homogeneous)
         else:
-            side = pin.SE3(np.eye(3), _across(axis) * reach * 0.12 * (1 if i % 2 else -1) + axis * q_M[i])
+            side = pin.SE3(np.eye(3), _across(axis) * reach * SIDE * (1 if i % 2 else -1) + axis * q_M[i])
             at[f"rotor/{i}"].set_transform((placement * side * _along(axis)).homogeneous)
         for bead in range(BEADS):
             share = (bead + 0.5) / BEADS
@@ -112,7 +113,11 @@ def _pose(solution: Solution, robot: Any, data: Any, at: Any, q: np.ndarray, q_M
                 local = lift.translation * share + turn @ _across(axis) * reach * (0.16 - 0.09 * share)
             else:
                 wave = 0.02 * np.sin(6 * np.pi * share) * np.cross(axis, _across(axis))
-                local = axis * between + _across(axis) * reach * 0.12 * (1 if i % 2 else -1) * share + wave * reach
+                local = (
+                    axis * between
+                    + _across(axis) * reach * SIDE * (1 if i % 2 else -1) * (1 + share) / 2
+                    + wave * reach
+                )
             at[f"spring/{i}/{bead}"].set_transform(pin.SE3(np.eye(3), placement.act(local)).homogeneous)
 
 
@@ -175,7 +180,7 @@ def _furnish(solution: Solution, visualizer: Any, scene: Any) -> None:
     visualizer["/Grid"].set_property("visible", False)
     visualizer["/Axes"].set_property("visible", False)
     scene.set_transform(_shift(*-(path.min(axis=0) + path.max(axis=0)) / 2))
-    eye = _view_direction(mechanism) * (0.8 * float(np.ptp(path, axis=0).max()) + 2.2 * reach)
+    eye = _view_direction(mechanism) * (0.7 * float(np.ptp(path, axis=0).max()) + 1.8 * reach)
     # Meshcat's camera frame has y upwards
     visualizer["/Cameras/default/rotated/<object>"].set_property("position", [eye[0], eye[2], -eye[1]])
 

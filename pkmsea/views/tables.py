@@ -135,7 +135,7 @@ def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
     along = {}
     for axis, direction in zip(mechanism.sidecar.end_effector.axes, np.eye(start.size), strict=True):
         ends = [float(start @ direction) + sign * reach(mechanism, sign * direction, far) for sign in (-1, 1)]
-        along[axis] = [round(end, 4) for end in ends]
+        along[axis] = [round(end, 3) + 0.0 for end in ends]
     return {
         "mechanism": mechanism.name,
         "joints": mechanism.joints,
