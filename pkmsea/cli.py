@@ -67,29 +67,32 @@ def solve(
         loaded = loaded.with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
     solved: list[solution.Solution] = []
-    failed: SolveError | None = None
+    failures: list[SolveError] = []
+    written: list[Path] = []
     with tables.progress(quiet=json_) as report:
         for name in names:
             count = (loaded.setup(name).options or loaded.options).starts
             try:
                 found = solution.solve(loaded, name, workers=workers, progress=report(name, count))
             except SolveError as error:
-                failed = error
-                report.failed(name, error)
+                failures.append(error)
                 continue
             solved.append(found)
             if out is not None:
-                found.save(out / f"{views.file_name(name)}.nc")
+                written.append(found.save(out / f"{views.file_name(name)}.nc"))
             if found.interrupted:
                 break
+    reference = next((s.energy for s in solved if s.name == names[0]), None)
     if json_:
-        _emit([tables.solution_record(s, solved[0].energy) for s in solved])
+        _emit([tables.solution_record(s, reference) for s in solved])
     elif solved:
-        tables.print_solutions(solved)
+        tables.print_solutions(solved, reference)
     if solved and out is not None:
-        _tell(save_all(solved, out), json_)
-    if failed is not None:
-        raise failed
+        _tell(written + save_all(solved, out), json_)
+    for failure in failures[:-1]:
+        _print_error(failure)
+    if failures:
+        raise failures[-1]
     _stop_if(bool(solved) and solved[-1].interrupted)
 
 
@@ -111,6 +114,7 @@ def reproduce(
     from pkmsea.views.output import save_all
 
     rows: list[Row] = []
+    written: list[Path] = []
     chosen = sorted(set(table)) if table else TABLES
     with tables.progress(quiet=json_) as report:
 
@@ -121,7 +125,8 @@ def reproduce(
         for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts):
             rows.append(row)
             if out is not None:
-                row.solution.save(out / f"table_{row.table}" / f"{views.file_name(row.setup)}.nc")
+                path = out / f"table_{row.table}" / f"{views.file_name(row.setup)}.nc"
+                written.append(row.solution.save(path))
             if row.solution.interrupted:
                 break
     if json_:
@@ -129,6 +134,7 @@ def reproduce(
     else:
         tables.print_rows(rows)
     if out is not None:
+        _tell(written, json_)
         for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
             _tell(save_all(of_table, out / f"table_{number}"), json_)
@@ -200,7 +206,8 @@ def main() -> None:
     try:
         app()
     except PkmseaError as error:
-        _complain(error, error.exit_code)
+        _print_error(error)
+        sys.exit(error.exit_code)
     except SystemExit as stop:
         if stop.code != INTERRUPTED:
             raise
@@ -208,10 +215,9 @@ def main() -> None:
         sys.exit(1)
 
 
-def _complain(error: Any, code: int) -> None:
+def _print_error(error: Any) -> None:
     from rich.console import Console
 
     console = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
     console.print("pkmsea: ", style="bold red", end="")
     console.print(str(error), markup=False)
-    sys.exit(code)

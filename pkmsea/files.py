@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -107,11 +107,18 @@ def _path(data: Any, loc: tuple[Any, ...]) -> list[Any]:
     return path
 
 
-def _fields_at(kind: type[BaseModel], path: list[Any]) -> list[str]:
-    """Field names of the record that `path` leads to, as far as plain nesting tells."""
-    current: Any = kind
+def _fields_at(kind: Any, path: list[Any]) -> list[str]:
+    """Field names of the record that `path` leads to; records inside lists and unions are found."""
+    records = _records(kind)
     for part in path:
-        if not isinstance(part, str) or part not in getattr(current, "model_fields", {}):
-            return []
-        current = current.model_fields[part].annotation
-    return list(getattr(current, "model_fields", {}))
+        if isinstance(part, str):
+            fields = [record.model_fields[part] for record in records if part in record.model_fields]
+            records = [inner for field in fields for inner in _records(field.annotation)]
+    return sorted({name for record in records for name in record.model_fields})
+
+
+def _records(annotation: Any) -> list[type[BaseModel]]:
+    """All record types in an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [record for inner in get_args(annotation) for record in _records(inner)]

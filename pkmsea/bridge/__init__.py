@@ -105,7 +105,7 @@ def _joint(model: pin.Model, index: int) -> _bridge.Joint:
 def _unsupported(name: str, kind: str) -> BridgeError:
     return BridgeError(
         f"Joint '{name}' is of type {kind}; pkmsea models revolute and prismatic joints about any axis.",
-        "Replace it in the URDF by a chain of revolute and prismatic joints (a mimic joint by a closure).",
+        "Replace it in the URDF by a chain of revolute and prismatic joints.",
         key=name,
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions, tree_functions
-from pkmsea.errors import InputError, MechanismError, NameNotFound
+from pkmsea.errors import BridgeError, InputError, MechanismError, NameNotFound
 from pkmsea.files import read
 from pkmsea.mechanism import closures, pose, urdf
 from pkmsea.mechanism.mechanism import Mechanism
@@ -34,7 +34,10 @@ def load_mechanism(source: str | Path) -> Mechanism:
     model.gravity.linear = np.array(sidecar.gravity)
     _check_names(model, sidecar, file)
     frames = [frame for closure in sidecar.closures for frame in closure.frames] + [sidecar.end_effector.frame]
-    tree = tree_functions(model, list(dict.fromkeys(frames)))
+    try:
+        tree = tree_functions(model, list(dict.fromkeys(frames)))
+    except BridgeError as error:
+        raise BridgeError(error.cause, error.remedy, file=path, key=error.key) from None
 
     q = ca.SX.sym("q", model.nq)
     Phi = closures.residual(q, tree, sidecar.closures, sidecar.plane.normal if sidecar.plane else None)

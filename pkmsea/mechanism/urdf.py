@@ -25,12 +25,16 @@ def find_folder(source: str | Path) -> Path:
             return candidate
     if path.is_file():
         return path.parent
-    shipped = sorted(folder.name for root in (PACKAGED, CHECKOUT) if root.is_dir() for folder in root.iterdir())
     raise InputError(
         "There is no mechanism folder of this name.",
-        f"Give a folder with a URDF and a mechanism.yaml, or one that pkmsea ships: {', '.join(shipped)}.",
+        f"Give a folder with a URDF and a mechanism.yaml, or one that pkmsea ships: {', '.join(shipped())}.",
         file=source,
     )
+
+
+def shipped() -> list[str]:
+    """Names of the mechanisms that pkmsea ships."""
+    return sorted({folder.name for root in (PACKAGED, CHECKOUT) if root.is_dir() for folder in root.iterdir()})
 
 
 def find_urdf(folder: Path, named: str | None) -> Path:
@@ -64,6 +68,13 @@ def read_model(path: Path) -> tuple[pin.Model, str]:
     root = _parse(path)
     _validate(path)
     for joint in root.iter("joint"):
+        if joint.find("mimic") is not None:
+            raise MechanismError(
+                "Mimic joints are not supported.",
+                "Remove <mimic>, or model the transmission by joints and a closure.",
+                file=path,
+                key=f"joint '{joint.get('name')}': mimic",
+            )
         _mend(joint)
     _check_inertias(root, path)
     text = etree.tostring(root, encoding="unicode")

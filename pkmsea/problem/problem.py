@@ -10,12 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 
 from pkmsea.actuation import Actuation
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.mechanism import Mechanism, load_mechanism
+from pkmsea.mechanism.urdf import shipped
 from pkmsea.task import Cycle, Options, Setup, Task
 from pkmsea.task.task import TaskLimits
 
@@ -81,7 +83,16 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
     """
     setup = task.setup(setup_name)
     where = {"file": task.file}
-    mechanism = load_mechanism(task.mechanism_source(setup))
+    source = task.mechanism_source(setup)
+    if not source.exists() and Path(setup.mechanism).name not in shipped():
+        raise InputError(
+            "There is no mechanism folder of this name.",
+            f"Give a folder, relative to the task file, or one that pkmsea ships: {', '.join(shipped())}.",
+            file=task.file,
+            key=f"setups.{task.setups.index(setup)}.mechanism",
+            value=setup.mechanism,
+        )
+    mechanism = load_mechanism(source)
     m = len(mechanism.actuated)
     drives = setup.drives * m if len(setup.drives) == 1 else setup.drives
     axes = [str(axis) for axis in mechanism.sidecar.end_effector.axes]

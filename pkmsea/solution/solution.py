@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pkmsea.errors import SolveError
 from pkmsea.problem import Problem
 from pkmsea.solution.audit import Audit, Series, audit
 from pkmsea.solver import Start
@@ -51,7 +52,10 @@ class Solution:
 
     @cached_property
     def _audited(self) -> tuple[Audit, Series]:
-        return audit(self.problem, self.motion, self.claimed)
+        try:
+            return audit(self.problem, self.motion, self.claimed)
+        except FloatingPointError as error:
+            raise SolveError(f"This is no motion of the robot: {error}.", "Solve the task again.") from error
 
     def audit(self) -> Audit:
         """Checks on a dense grid by the exact flat map; see `Audit`."""

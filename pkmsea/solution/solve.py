@@ -41,7 +41,8 @@ def solve(
     begin = time.perf_counter()
     problem = build_problem(load_task(task) if isinstance(task, str | Path) else task, setup)
     starts, interrupted = multistart(problem, workers, progress)
-    candidates = distinct(starts)[:AUDITED]
+    finished = [start for start in starts if start.finished]
+    candidates = distinct(finished or starts)[:AUDITED]
     if not candidates and interrupted:
         raise KeyboardInterrupt
     if not candidates:
@@ -73,15 +74,26 @@ def _refine(problem: Problem, transcription: Transcription, best: Start) -> tupl
     """Solve on finer meshes until the audit finds no fault; the first mesh is the multi-start's."""
     assert best.x is not None
     motion, claimed = transcription.motion(best.x), best.energy
-    result = audit(problem, motion, claimed)[0]
+    try:
+        result = audit(problem, motion, claimed)[0]
+    except FloatingPointError as error:
+        raise NotConverged(
+            f"Every optimum that was found is unusable: {error} between the grid points.",
+            "Raise options.starts, or options.samples for a finer grid.",
+            file=problem.task.file,
+            key=f"setup '{problem.setup.name}'",
+        ) from error
     meshes = [_mesh(motion, transcription, result, best)]
     finer = transcription.refined()
     while finer is not None and not result.verified and len(meshes) < MESHES:
         found = improve(finer, best.index, finer.transfer(motion), final=True, first=1)
         if found.x is None or not found.usable:
             break
-        motion, claimed = finer.motion(found.x), found.energy
-        result = audit(problem, motion, claimed)[0]
+        try:
+            finer_result = audit(problem, finer.motion(found.x), found.energy)[0]
+        except FloatingPointError:
+            break
+        motion, claimed, result = finer.motion(found.x), found.energy, finer_result
         meshes.append(_mesh(motion, finer, result, found))
         finer = finer.refined()
     return motion, claimed, meshes

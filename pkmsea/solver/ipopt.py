@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.task import Options
-from pkmsea.transcription.nlp import Nlp
+from pkmsea.transcription.nlp import Callback, Nlp
 
 FEASIBLE = 1e-6  # largest constraint violation of a usable point, in the constraints' units
 
@@ -71,19 +71,23 @@ class Point:
 def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
     """Solve an NLP, step by step of its parameter; each step starts from the last point and its multipliers."""
     begin = time.perf_counter()
-    solver = _solver(nlp, options)
     x = nlp.stacked("guess")
     lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
     multipliers: dict[str, ca.DM] = {}
     iterations: list[int] = []
     outcome, violation = Outcome.FAILED, np.inf
     for step in range(nlp.steps) if steps is None else steps:
-        if time.perf_counter() - begin > options.time_limit:
+        left = options.time_limit - (time.perf_counter() - begin)
+        if left <= 0:
             outcome = Outcome.TIME
             break
+        solver = _solver(nlp, options, left)
         p = nlp.parameter(step, x)
         with _quiet():
             found = solver(x0=x, p=p, lbx=lower, ubx=upper, lbg=nlp.g_lower, ubg=nlp.g_upper, **multipliers)
+        if Callback.interrupted:
+            Callback.interrupted = False
+            raise KeyboardInterrupt
         stats = solver.stats()
         outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
         iterations.append(int(stats.get("iter_count", 0)))
@@ -99,10 +103,10 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
     return Point(x, outcome, violation, tuple(iterations), time.perf_counter() - begin)
 
 
-def _solver(nlp: Nlp, options: Options) -> ca.Function:
+def _solver(nlp: Nlp, options: Options, seconds: float) -> ca.Function:
     ipopt = {
         "max_iter": options.iterations,
-        "max_wall_time": options.time_limit,
+        "max_wall_time": seconds,
         "tol": options.tolerance,
         "acceptable_tol": options.tolerance * 10,
         "acceptable_iter": 10,

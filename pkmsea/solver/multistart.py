@@ -37,6 +37,7 @@ class Start:
     energy : claimed by the transcription [J]; infinite where there is no usable point.
     stiffness : of the elastic drives.
     limited : whether the limits of drives and joints had to be put into the NLP.
+    finished : whether it was among the best and went on to the full sharpness; the others were only screened.
     """
 
     index: int
@@ -47,6 +48,7 @@ class Start:
     iterations: int
     seconds: float
     limited: bool = False
+    finished: bool = False
 
     @property
     def usable(self) -> bool:
@@ -76,6 +78,8 @@ def improve(
     """Solve from x: first without the limits of drives and joints, again with them where they are overstepped."""
     begin = time.perf_counter() if begin is None else begin
     options, limited, iterations = transcription.problem.options, False, 0
+    left = max(options.time_limit - (time.perf_counter() - begin), 0.0)
+    options = options.model_copy(update={"time_limit": left})
     if not final and transcription.quick:
         options = options.model_copy(update={"iterations": min(options.iterations, SCREENING_ITERATIONS)})
     while True:
@@ -129,10 +133,12 @@ def _same(a: Start, b: Start, energy: float, stiffness: float) -> bool:
 def finish(transcription: Transcription, start: Start) -> Start:
     """Sharpen a screened start to the end; the better of the two is kept."""
     assert start.x is not None
-    final = improve(transcription, start.index, start.x, final=True, first=SCREENING_STEPS)
+    begin = time.perf_counter() - start.seconds
+    final = improve(transcription, start.index, start.x, begin, final=True, first=SCREENING_STEPS)
+    iterations = start.iterations + final.iterations
     if not final.usable or final.energy > start.energy:
-        return start
-    return replace(final, iterations=start.iterations + final.iterations, seconds=start.seconds + final.seconds)
+        return replace(start, finished=True, iterations=iterations, seconds=final.seconds)
+    return replace(final, finished=True, iterations=iterations)
 
 
 def _collect(starts: Iterator[Start], progress: Progress | None) -> tuple[list[Start], bool]:

@@ -43,12 +43,12 @@ class Options(Record):
     transcription: Literal["flat", "paper"] = "flat"
     trajectory: Trajectory = Spline(kind="spline")
     samples: int | None = Field(
-        None, ge=8, le=20000, description="grid points of cost and limits; default 4 per knot, or 200"
+        None, ge=8, le=20000, description="grid points of cost and limits; default: 4 per knot, at least 200"
     )
     starts: int = Field(12, ge=1, le=10000, description="starts of the multi-start")
     seed: int = Field(0, ge=0, description="of the random starts")
-    time_limit: float = Field(60.0, gt=0, description="per start [s]")
-    iterations: int = Field(300, ge=1, le=100000, description="IPOPT iterations per start and step")
+    time_limit: float = Field(60.0, gt=0, description="per start, all its steps together [s]")
+    iterations: int = Field(300, ge=1, le=100000, description="IPOPT iterations per step; screening stops at 120")
     tolerance: float = Field(1e-6, gt=0, le=1e-2, description="IPOPT's tolerance")
 
     @model_validator(mode="after")

@@ -49,7 +49,12 @@ class Nlp:
 
 
 class Callback(ca.Callback):
-    """A CasADi Function from a Python function on NumPy views; None where an output is not asked for."""
+    """A CasADi Function from a Python function on NumPy views; None where an output is not asked for.
+
+    CasADi would swallow a Ctrl-C in here: it is kept in `interrupted`, and every evaluation fails until it is reset.
+    """
+
+    interrupted = False
 
     def __init__(
         self,
@@ -84,10 +89,15 @@ class Callback(ca.Callback):
         return True
 
     def eval_buffer(self, arguments: Any, results: Any) -> int:
+        if Callback.interrupted:
+            return 1
         given = [None if x is None else np.frombuffer(x, dtype=float) for x in arguments]
         wanted = [None if x is None else np.frombuffer(x, dtype=float) for x in results]
         try:
             self._function(given, wanted)
         except (np.linalg.LinAlgError, FloatingPointError):
             return 1  # the point cannot be evaluated: IPOPT shortens its step
+        except KeyboardInterrupt:
+            Callback.interrupted = True
+            return 1
         return 0

@@ -12,12 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.ndimage import gaussian_filter
 
+from pkmsea.errors import InputError
 from pkmsea.mechanism.workspace import workspace
 from pkmsea.solution import Solution
 from pkmsea.solution.store import write_whole
 
 COLORS = ("#444444", "#1f77b4", "#d1495b", "#3a9d5d", "#8e6bbf", "#e08e2b")
 DRIVE_STYLES = ("-", "--", ":", "-.")
+FORMATS = (".png", ".pdf", ".svg")
 NEAR_SINGULAR = 0.02  # reciprocal condition number that is drawn for redundant drives, which rarely reach zero
 
 
@@ -144,7 +146,11 @@ def torque_panel(axes: Any, solution: Solution) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure whole or not at all; the suffix tells the format (png, pdf, svg)."""
+    """Write a figure whole or not at all; the suffix tells the format."""
+    if path.suffix not in FORMATS:
+        raise InputError(
+            f"Figures are not written as '{path.suffix}'.", f"Use one of: {', '.join(FORMATS)}.", file=path
+        )
     with matplotlib.rc_context({"svg.fonttype": "none"}):
         write_whole(path, lambda temporary: figure.savefig(temporary, dpi=150))
     return path

@@ -36,9 +36,9 @@ class Recorder:
         self.commands.append(umsgpack.packb(command.lower()))
 
 
-def write_page(solution: Solution, path: Path) -> Path:
+def write_page(solution: Solution, path: str | Path) -> Path:
     """Write the playback as one HTML page."""
-    recorder = Recorder()
+    path, recorder = Path(path), Recorder()
     draw(solution, meshcat.Visualizer(window=recorder))
     script = (Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
     commands = ",\n".join(f'"{base64.b64encode(command).decode()}"' for command in recorder.commands)

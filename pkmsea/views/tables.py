@@ -13,7 +13,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from pkmsea.errors import PkmseaError
 from pkmsea.mechanism import Mechanism
 from pkmsea.mechanism.workspace import reach, size
 from pkmsea.paper import Row
@@ -50,9 +49,6 @@ class Report:
     def note(self, text: str) -> None:
         self._bars.console.print(text)
 
-    def failed(self, name: str, error: PkmseaError) -> None:
-        self._bars.console.print(f"{name}: {error.cause}", markup=False)
-
 
 @contextmanager
 def progress(quiet: bool = False) -> Iterator[Report]:
@@ -66,14 +62,14 @@ def progress(quiet: bool = False) -> Iterator[Report]:
         yield Report(bars)
 
 
-def solution_record(solution: Solution, reference: float) -> dict[str, Any]:
-    """One solution as plain data; `ratio` is relative to the first setup."""
+def solution_record(solution: Solution, reference: float | None) -> dict[str, Any]:
+    """One solution as plain data; `ratio` is relative to the first setup, null where that one has failed."""
     audit = solution.audit()
     return {
         "setup": solution.name,
         "energy": solution.claimed,
         "energy_true": solution.energy,
-        "ratio": solution.energy / reference,
+        "ratio": None if reference is None else solution.energy / reference,
         "stiffness": [float(c) for c in solution.stiffness],
         "status": solution.status,
         "verified": audit.verified,
@@ -86,20 +82,20 @@ def solution_record(solution: Solution, reference: float) -> dict[str, Any]:
     }
 
 
-def print_solutions(solutions: Sequence[Solution]) -> None:
+def print_solutions(solutions: Sequence[Solution], reference: float | None) -> None:
     """Setups side by side; the first one is the reference, and what is not verified comes last."""
-    reference = solutions[0].energy
     ordered = sorted(solutions, key=lambda s: not s.audit().verified)
     table = Table(title=solutions[0].problem.task.name, box=box.SIMPLE_HEAD)
     for name, justify in (
         ("setup", "left"), ("E true [J]", "right"), ("E claimed [J]", "right"), ("relative", "right"),
-        ("stiffness [N m/rad, N/m]", "left"), ("distinct optima", "right"), ("time [s]", "right"), ("status", "left"),
+        ("stiffness [N m/rad, N/m]", "left"), ("best optima", "right"), ("time [s]", "right"), ("status", "left"),
     ):  # fmt: skip
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for s in ordered:
+        ratio = None if reference is None else s.energy / reference
         optima = f"{_optima(s)} of {len(s.starts)} starts"
         table.add_row(
-            s.name, f"{s.energy:.4g}", f"{s.claimed:.4g}", f"{s.energy / reference:.1%}", _springs(s.stiffness),
+            s.name, f"{s.energy:.4g}", f"{s.claimed:.4g}", _or_dash(ratio, ".1%"), _springs(s.stiffness),
             optima, f"{s.seconds:.1f}", s.status,
         )  # fmt: skip
     console().print(table)
@@ -146,7 +142,7 @@ def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
         "closures": [closure.label for closure in mechanism.sidecar.closures],
         "closure_residual": float(np.abs(mechanism.closure_residual(mechanism.seed)).max(initial=0.0)),
         "seed": dict(zip(mechanism.joints, mechanism.seed.round(6).tolist(), strict=True)),
-        "end_effector": start.round(6).tolist(),
+        "end_effector": (start.round(6) + 0.0).tolist(),
         "H_A": mechanism.actuation_jacobian(mechanism.seed).round(6).tolist(),
         "singularity": {"inverse": inverse, "direct": direct},
         "workspace": along,
@@ -193,4 +189,4 @@ def _or_dash(value: float | None, form: str) -> str:
 def _optima(solution: Solution) -> int:
     from pkmsea.solver.multistart import distinct
 
-    return len(distinct(solution.starts))
+    return len(distinct(start for start in solution.starts if start.finished))
