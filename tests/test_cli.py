@@ -22,7 +22,7 @@ TASK = {
 
 
 def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pkmsea", *map(str, arguments)]
+    command = [str(Path(sys.executable).with_name("pkmsea")), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300)
 
 

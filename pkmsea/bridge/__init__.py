@@ -21,7 +21,8 @@ except ImportError as error:
     raise BridgeError(
         f"The compiled module of pkmsea cannot be loaded ({error}).",
         f"Build it against the installed casadi {ca.__version__}: run 'pip install .' in the checkout (this needs a "
-        "C++17 compiler, on Debian 'apt install g++'), and run pkmsea from the installed package.",
+        "C++17 compiler, on Debian 'apt install g++'), and do not start Python in the checkout's root, where it finds "
+        "the sources instead of the installed package.",
     ) from error
 
 if _bridge.casadi_version != ca.__version__:
