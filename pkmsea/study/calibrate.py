@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -39,6 +40,7 @@ def calibrate(task: Task, setup: str, number: Number, energy: float, start: floa
     """
     single = task.with_starts(1)
 
+    @cache
     def excess(logarithm: float) -> float:
         value = float(np.exp(logarithm))
         return solve(with_drive_numbers(single, **{number: value}), setup, workers=1).energy / energy - 1.0
