@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import casadi as ca
 
 from pkmsea.actuation.actuation import Actuation, dependent_columns, on_joints, stack
 from pkmsea.mechanism import pose
 
 
+@lru_cache(maxsize=16)
 def flat_map(actuation: Actuation) -> ca.Function:
     """The Function `flat_map`: y, y', ... -> q_M, v_M, tau and what lies between, no derivative approximated.
 

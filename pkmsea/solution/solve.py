@@ -40,14 +40,14 @@ def solve(
     """
     begin = time.perf_counter()
     problem = build_problem(load_task(task) if isinstance(task, str | Path) else task, setup)
-    starts, interrupted = multistart(problem, workers, progress)
+    transcription = transcribe(problem)
+    starts, interrupted = multistart(transcription, workers, progress)
     finished = [start for start in starts if start.finished]
     candidates = distinct(finished or starts)[:AUDITED]
     if not candidates and interrupted:
         raise KeyboardInterrupt
     if not candidates:
         raise _nothing_found(problem, starts)
-    transcription = transcribe(problem)
     best = min(candidates, key=lambda start: _rank(problem, transcription, start))
     motion, claimed, meshes = _refine(problem, transcription, best)
     seconds = time.perf_counter() - begin

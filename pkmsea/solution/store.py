@@ -40,16 +40,15 @@ def to_dataset(solution: Solution) -> xr.Dataset:
     revolute = mechanism.revolute
     force = ["N m" if revolute[i] else "N" for i in mechanism.actuated]
     angle = ["rad" if turning else "m" for turning in revolute]
-    per_drive = {"q_M": s.q_M, "v_M": s.v_M, "tau": s.tau, "u": s.u}
     energy = np.cumsum(np.maximum(s.power, 0)) * problem.cycle.period / s.t.size
     described = {
         "r_E": (("time", "axis"), s.r_E, "end-effector position", "m"),
         "q": (("time", "joint"), s.q, "joint position", "rad or m, see joint_unit"),
         "v": (("time", "joint"), s.v, "joint velocity", "joint_unit per s"),
-        "q_M": (("time", "drive"), per_drive["q_M"], "motor position (output side)", "rad or m"),
-        "v_M": (("time", "drive"), per_drive["v_M"], "motor speed (output side)", "rad/s or m/s"),
-        "tau": (("time", "drive"), per_drive["tau"], "motor torque or force", "N m or N, see force_unit"),
-        "u": (("time", "drive"), per_drive["u"], "spring or drive force on the joint", "N m or N, see force_unit"),
+        "q_M": (("time", "drive"), s.q_M, "motor position (output side)", "rad or m"),
+        "v_M": (("time", "drive"), s.v_M, "motor speed (output side)", "rad/s or m/s"),
+        "tau": (("time", "drive"), s.tau, "motor torque or force", "N m or N, see force_unit"),
+        "u": (("time", "drive"), s.u, "spring or drive force on the joint", "N m or N, see force_unit"),
         "power": (("time",), s.power, "electrical power on the common bus", "W"),
         "energy": (("time",), energy, "electrical energy drawn since t = 0", "J"),
         "stiffness": (("drive",), solution.motion.stiffness, "spring stiffness", "N m/rad or N/m"),

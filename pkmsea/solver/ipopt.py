@@ -53,14 +53,12 @@ class Point:
     outcome : of the last step.
     violation : largest violation of bounds and constraints.
     iterations : per step.
-    seconds : wall time of all steps.
     """
 
     x: np.ndarray
     outcome: Outcome
     violation: float
     iterations: tuple[int, ...]
-    seconds: float
 
     @property
     def usable(self) -> bool:
@@ -100,7 +98,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
         if outcome is Outcome.INFEASIBLE:
             break
         multipliers = {"lam_g0": found["lam_g"], "lam_x0": found["lam_x"]}
-    return Point(x, outcome, violation, tuple(iterations), time.perf_counter() - begin)
+    return Point(x, outcome, violation, tuple(iterations))
 
 
 def _solver(nlp: Nlp, options: Options, seconds: float) -> ca.Function:
@@ -115,8 +113,6 @@ def _solver(nlp: Nlp, options: Options, seconds: float) -> ca.Function:
         "sb": "yes",
         "bound_relax_factor": 0.0,
         "honor_original_bounds": "yes",
-        # CasADi hands the variables over in physical units
-        "nlp_scaling_method": "gradient-based",
     }
     settings = {"ipopt": ipopt, "print_time": False, "error_on_fail": False, "calc_lam_p": False, "calc_lam_x": False}
     if nlp.derivatives:

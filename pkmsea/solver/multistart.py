@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from pkmsea.problem import Problem, build_problem
+from pkmsea.problem import build_problem
 from pkmsea.solver.ipopt import Outcome, solve_nlp
 from pkmsea.task import Task
 from pkmsea.transcription import Transcription, transcribe
@@ -102,16 +102,17 @@ def improve(
 
 
 def multistart(
-    problem: Problem, workers: int | None = None, progress: Progress | None = None
+    transcription: Transcription, workers: int | None = None, progress: Progress | None = None
 ) -> tuple[list[Start], bool]:
-    """All starts of a problem, in the order of their indices; the best distinct ones are sharpened to the end.
+    """All starts, in the order of their indices; the best distinct ones are sharpened to the end.
 
     An interrupt (Ctrl-C) ends the search early; what has been found is returned, and True with it.
     """
-    count = problem.options.starts
-    done, interrupted = _collect(_spread(problem, workers, [(run_start, index) for index in range(count)]), progress)
+    count = transcription.problem.options.starts
+    screening = _spread(transcription, workers, [(run_start, index) for index in range(count)])
+    done, interrupted = _collect(screening, progress)
     best = distinct(done)[: max(FINISHED, count // 6)]
-    sharpened, again = _collect(_spread(problem, workers, [(finish, s) for s in best]), None)
+    sharpened, again = _collect(_spread(transcription, workers, [(finish, s) for s in best]), None)
     finished = {s.index: s for s in sharpened}
     return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index), interrupted or again
 
@@ -154,14 +155,15 @@ def _collect(starts: Iterator[Start], progress: Progress | None) -> tuple[list[S
     return done, False
 
 
-def _spread(problem: Problem, workers: int | None, calls: list[tuple[Callable[..., Start], Any]]) -> Iterator[Start]:
-    """Run calls (function, argument) of a transcription here, or on several processes that each build their own."""
+def _spread(
+    transcription: Transcription, workers: int | None, calls: list[tuple[Callable[..., Start], Any]]
+) -> Iterator[Start]:
+    """Run calls (function, argument) on a transcription here, or on several processes that each build their own."""
     jobs = min(workers or available_cores(), len(calls))
     if jobs <= 1:
-        transcription = transcribe(problem)
         return (function(transcription, argument) for function, argument in calls)
-    task = problem.task
-    key = (task.model_dump_json(), str(task.file) if task.file else None, problem.setup.name)
+    task, setup = transcription.problem.task, transcription.problem.setup.name
+    key = (task.model_dump_json(), str(task.file) if task.file else None, setup)
     pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
     result: Iterator[Start] = pool(delayed(_remote)(key, function, argument) for function, argument in calls)
     return result

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated
-
 import numpy as np
 from pydantic import Field, model_validator
 
@@ -84,9 +81,6 @@ class Cycle(Record):
             for point, time in zip(self.points, self.times, strict=True)
             for axis in range(len(point.at))
         ]  # fmt: skip
-
-
-Range = Annotated[Sequence[float], Field(min_length=2, max_length=2)]
 
 
 class Limits(Record):

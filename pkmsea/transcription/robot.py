@@ -61,7 +61,10 @@ class RobotOnGrid:
         )
         self._bases = [sparse.csr_matrix(basis.matrix(self.t, d)) for d in range(3)]
         step = basis.period / samples
-        self._d1, self._d2 = (_circulant(derivative_weights(k, HALF_WIDTH) / step**k, samples) for k in (1, 2))
+        weights = [derivative_weights(k, HALF_WIDTH) / step**k for k in (1, 2)]
+        own = self.cells.own.shape[1]
+        self._d1, self._d2 = (_circulant(w, samples) for w in weights)  # on the whole periodic grid
+        self._local_d1, self._local_d2 = (_banded(w, own) for w in weights)  # from a cell with halo to its own samples
         self._expand = self._expansion()
         self.local = self._local_indices()
         self._signs: tuple[float, float] | None = None
@@ -170,10 +173,12 @@ class RobotOnGrid:
         result = s.copy()
         for i in self.actuation.elastic:
             q_M, u = s[:, 2 * i], s[:, 2 * i + 1]
-            speed = self._d1 @ q_M
-            result[:, 2 * i] = self.r[i] * (self._d2 @ q_M) + self.r[self.m + i] * speed + u
-            result[:, 2 * i + 1] = speed
+            result[:, 2 * i], result[:, 2 * i + 1] = self._motor(i, self._d1 @ q_M, self._d2 @ q_M, u)
         return result
+
+    def _motor(self, i: int, rate: np.ndarray, second_rate: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Torque and speed of an elastic drive from q_M', q_M'' and u, or the slopes of the two from theirs."""
+        return self.r[i] * second_rate + self.r[self.m + i] * rate + u, rate
 
     def _time_transposed(self, weights: np.ndarray) -> np.ndarray:
         result = weights.copy()
@@ -187,15 +192,11 @@ class RobotOnGrid:
     def _time_local(self, spread: np.ndarray) -> np.ndarray:
         """The same as `_time`, on the slopes of each cell with its halo; returns the own samples."""
         h, width = self.cells.halo, spread.shape[1]
-        step = self.basis.period / self.samples
-        d1, d2 = (_banded(derivative_weights(k, h) / step**k, width - 2 * h) for k in (1, 2))
         result = spread[:, h : width - h].copy()
         for i in self.actuation.elastic:
-            q_M = spread[:, :, 2 * i]
-            speed = d1 @ q_M
-            u = result[:, :, 2 * i + 1].copy()
-            result[:, :, 2 * i] = self.r[i] * (d2 @ q_M) + self.r[self.m + i] * speed + u
-            result[:, :, 2 * i + 1] = speed
+            q_M, u = spread[:, :, 2 * i], spread[:, h : width - h, 2 * i + 1]
+            tau, speed = self._motor(i, self._local_d1 @ q_M, self._local_d2 @ q_M, u)
+            result[:, :, 2 * i], result[:, :, 2 * i + 1] = tau, speed
         return result
 
     def _expansion(self) -> np.ndarray:
