@@ -90,9 +90,8 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     q = _poses(problem, jets[0][:, :delta])
     r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
     exact = _as_columns(flat_map(actuation))
-    names = ("q_M", "v_M", "tau", "u", "v", "a")
     c = np.nan_to_num(motion.stiffness, nan=1.0)
-    q_M, v_M, tau, u, v, a = (x.copy() for x in Batch(exact, count, names)(q, Y, Z, c, r))
+    q_M, v_M, tau, u, v, a = (x.copy() for x in Batch(exact, count)(q, Y, Z, c, r))
     power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
@@ -135,9 +134,10 @@ def _even(wanted: int, pieces: int) -> int:
 def _poses(problem: Problem, targets: np.ndarray) -> np.ndarray:
     """Poses along the path, all on the same side of the inverse-kinematic singularities."""
     mechanism = problem.actuation.mechanism
-    system = Batch(pose.task_system(mechanism), targets.shape[0], ("Psi",))
-    poses = poses_along(mechanism, system, targets)
-    signs = np.sign(np.linalg.det(system(poses)[1]))
+    count, n = targets.shape[0], mechanism.model.nq
+    poses = poses_along(mechanism, Batch(pose.pose_step(mechanism), count), targets)
+    A = Batch(pose.task_system(mechanism), count)(poses)[1]
+    signs = np.sign(np.linalg.det(A.reshape(count, n, n)))
     if np.any(signs != signs[0]):
         raise FloatingPointError("the motion crosses a singularity")
     return poses
