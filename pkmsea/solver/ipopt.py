@@ -53,12 +53,15 @@ class Point:
     outcome : of the last step.
     violation : largest violation of bounds and constraints.
     iterations : per step.
+    seconds, evaluation : wall time of all steps, and the part of it spent in the NLP's functions.
     """
 
     x: np.ndarray
     outcome: Outcome
     violation: float
     iterations: tuple[int, ...]
+    seconds: float = 0.0
+    evaluation: float = 0.0
 
     @property
     def usable(self) -> bool:
@@ -73,7 +76,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
     lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
     multipliers: dict[str, ca.DM] = {}
     iterations: list[int] = []
-    outcome, violation = Outcome.FAILED, np.inf
+    outcome, violation, evaluation = Outcome.FAILED, np.inf, 0.0
     for step in range(nlp.steps) if steps is None else steps:
         left = options.time_limit - (time.perf_counter() - begin)
         if left <= 0:
@@ -89,6 +92,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
         stats = solver.stats()
         outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
         iterations.append(int(stats.get("iter_count", 0)))
+        evaluation += sum(seconds for key, seconds in stats.items() if key.startswith("t_wall_nlp_"))
         candidate = np.array(found["x"]).ravel()
         if not np.all(np.isfinite(candidate)):
             break
@@ -98,7 +102,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
         if outcome is Outcome.INFEASIBLE:
             break
         multipliers = {"lam_g0": found["lam_g"], "lam_x0": found["lam_x"]}
-    return Point(x, outcome, violation, tuple(iterations))
+    return Point(x, outcome, violation, tuple(iterations), time.perf_counter() - begin, evaluation)
 
 
 def _solver(nlp: Nlp, options: Options, seconds: float) -> ca.Function:
