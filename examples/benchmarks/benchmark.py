@@ -54,8 +54,8 @@ def cases(quick: bool) -> Iterator[Case]:
     for table in (3,) if quick else (2, 3):
         group = {"group": "baselines", "table": table, "starts": 1, **small}
         yield common | {"kind": "paper", **group}
-        for formulation, mu in (("paper", "monotone"), ("lifted", "adaptive")):
-            yield common | {"kind": "rockit", "formulation": formulation, "mu": mu, **group}
+        for formulation in ("paper", "lifted"):
+            yield common | {"kind": "rockit", "formulation": formulation, **group}
 
 
 def run(case: Case) -> dict[str, Any]:

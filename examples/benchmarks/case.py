@@ -78,9 +78,16 @@ def rockit(case: dict[str, Any]) -> dict[str, Any]:
     _, best = ours.solve(transcription, x)
     lifted = case["formulation"] == "lifted"
     baseline = Baseline(posed, guess, case["samples"], lifted)
-    ipopt = {"max_iter": case["iterations"], "max_wall_time": case["limit"], "tol": options.tolerance,
-             "acceptable_tol": 10 * options.tolerance, "acceptable_iter": 10, "mu_strategy": case["mu"],
-             "print_level": 0, "sb": "yes"}  # fmt: skip
+    ipopt = {
+        "max_iter": case["iterations"],
+        "max_wall_time": case["limit"],
+        "tol": options.tolerance,
+        "acceptable_tol": 10 * options.tolerance,
+        "acceptable_iter": 10,
+        "mu_strategy": "monotone",  # the better one here
+        "print_level": 0,
+        "sb": "yes",
+    }
     record, motion = solve(baseline, lifted, ipopt)
     memory = peak_memory()
     record |= ours.truth(posed, motion, record["claimed"])

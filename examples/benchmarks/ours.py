@@ -17,7 +17,7 @@ from pkmsea.task import Chain, Options, Spline
 from pkmsea.transcription import Motion, Transcription, transcribe
 from pkmsea.transcription.bases import SplineBasis
 
-__all__ = ["Motion", "Problem", "series", "transcribe"]
+__all__ = ["Motion", "Problem", "Series", "series", "transcribe"]
 
 # As `pkmsea reproduce` calibrates them on the rigid rows: copper loss [W/(N m)^2], friction [N m s], inertia [kg m^2]
 NUMBERS: dict[int, dict[str, float]] = {
@@ -52,9 +52,7 @@ def flat_options(samples: int, iterations: int, limit: float) -> Options:
 def paper_options(samples: int, iterations: int, limit: float) -> Options:
     """The paper's transcription with its chain of integrators."""
     chain = Chain(kind="chain")
-    return Options(
-        transcription="paper", trajectory=chain, samples=samples, iterations=iterations, time_limit=limit
-    )
+    return Options(transcription="paper", trajectory=chain, samples=samples, iterations=iterations, time_limit=limit)
 
 
 def start(transcription: Transcription, index: int) -> np.ndarray:
@@ -107,7 +105,6 @@ def through(posed: Problem, r_E: np.ndarray, stiffness: np.ndarray) -> Motion:
     basis = SplineBasis(posed.cycle.period, r_E.shape[0], DEGREE)
     t = np.arange(r_E.shape[0]) * basis.period / r_E.shape[0]
     return Motion(basis, basis.fit(t, r_E), stiffness.copy())
-
 
 
 def exact_map(posed: Problem) -> tuple[ca.Function, ca.DM]:
