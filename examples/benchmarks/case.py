@@ -25,7 +25,10 @@ def peak_memory() -> float:
 
 
 def flat(case: dict[str, Any]) -> dict[str, Any]:
-    """Several starts of a setup with one transcription, ours or (`kind` paper) the paper's."""
+    """Several starts of a setup with one transcription, ours or (`kind` paper) the paper's.
+
+    The paper's derivatives are made by CasADi at the start of a solve; that counts as building, as for rockit.
+    """
     make = ours.paper_options if case["kind"] == "paper" else ours.flat_options
     posed = ours.problem(case["table"], case["setup"], make(case["samples"], case["iterations"], case["limit"]))
     begin = time.perf_counter()
@@ -34,6 +37,9 @@ def flat(case: dict[str, Any]) -> dict[str, Any]:
     runs, ends = [], []
     for index in range(case["starts"]):
         record, x = ours.solve(transcription, ours.start(transcription, index))
+        if case["kind"] == "paper":
+            build += record["seconds"] - record["solver_seconds"]
+            record["seconds"] = record["solver_seconds"]
         runs.append({"start": index} | record)
         ends.append(x)
     memory = peak_memory()
