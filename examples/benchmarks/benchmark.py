@@ -53,6 +53,7 @@ def cases(quick: bool) -> Iterator[Case]:
     small = {"samples": 20, "iterations": 5} if quick else {"samples": samples}
     for table in (3,) if quick else (2, 3):
         group = {"group": "baselines", "table": table, "starts": 1, **small}
+        yield common | group | {"kind": "flat", "starts": common["starts"]}  # beside them: the machine's load changes
         yield common | {"kind": "paper", **group}
         for formulation in ("paper", "lifted"):
             yield common | {"kind": "rockit", "formulation": formulation, **group}

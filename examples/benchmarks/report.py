@@ -58,16 +58,15 @@ def table(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def baseline_rows(good: list[Record]) -> list[list[str]]:
     """Ours and the baselines on the same task; ratios are to ours."""
-    rows = []
-    for case in (case for case in good if case["group"] == "baselines"):
+    rows, rivals = [], [case for case in good if case["group"] == "baselines"]
+    for case in rivals:
         result = case["result"]
-        own = next((c["result"] for c in good if c["group"] == "setups" and c["setup"] == case["setup"]
-                    and c["table"] == case["table"]), None)  # fmt: skip
+        own = next(c["result"] for c in rivals if c["kind"] == "flat" and c["table"] == case["table"])
         ratios = ["-", "-"]
-        if own is not None and own["samples"] == result["samples"]:
+        if own["samples"] == result["samples"]:
             run, ours = result["runs"][0], median(r["seconds"] for r in own["runs"])
             done = run["outcome"] == "optimal"
-            ratios = [f"{run['seconds'] / ours:.0f}" if done else run["outcome"],
+            ratios = [f"{run['seconds'] / ours:.1f}" if done else run["outcome"],
                       f"{per_iteration(result) / per_iteration(own):.1f}"]  # fmt: skip
         rows.append([name(case), str(case["table"]), *cells(result), *ratios])
     return rows
