@@ -61,12 +61,12 @@ def baseline_rows(good: list[Record]) -> list[list[str]]:
     rows, rivals = [], [case for case in good if case["group"] == "baselines"]
     for case in rivals:
         result = case["result"]
-        own = next(c["result"] for c in rivals if c["kind"] == "flat" and c["table"] == case["table"])
+        own = next((c["result"] for c in rivals if c["kind"] == "flat" and c["table"] == case["table"]), None)
         ratios = ["-", "-"]
-        if own["samples"] == result["samples"]:
-            run, ours = result["runs"][0], median(r["seconds"] for r in own["runs"])
-            done = run["outcome"] == "optimal"
-            ratios = [f"{run['seconds'] / ours:.1f}" if done else run["outcome"],
+        if own is not None and own["samples"] == result["samples"]:
+            theirs, ours = (median(run["seconds"] for run in r["runs"]) for r in (result, own))
+            outcome = result["runs"][0]["outcome"]
+            ratios = [f"{theirs / ours:.1f}" if outcome == "optimal" else outcome,
                       f"{per_iteration(result) / per_iteration(own):.1f}"]  # fmt: skip
         rows.append([name(case), str(case["table"]), *cells(result), *ratios])
     return rows

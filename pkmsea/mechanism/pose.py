@@ -55,6 +55,15 @@ def task_system(mechanism: Mechanism) -> ca.Function:
     return ca.Function("task_system", [q], [Psi, ca.densify(A)], ["q"], ["Psi", "A"])
 
 
+def pose_step(mechanism: Mechanism) -> ca.Function:
+    """(q, y) -> step, gap: Newton's step towards Psi(q) = [0; y], and how far it is off."""
+    q, y = ca.SX.sym("q", mechanism.model.nq), ca.SX.sym("y", mechanism.mobility)
+    Psi, A = task_system(mechanism)(q)
+    gap = ca.vertcat(ca.SX.zeros(q.numel() - y.numel()), y) - Psi
+    step = ca.mtimes(ca.inv(A), gap)
+    return ca.Function("pose_step", [q, y], ca.cse([step, gap]), ["q", "y"], ["step", "gap"])
+
+
 def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:
     """Continuation from the seed to `point` (see `Mechanism.configuration`)."""
     system = task_system(mechanism)

@@ -15,6 +15,11 @@ import numpy as np
 from pkmsea.task import Options
 from pkmsea.transcription.nlp import Callback, Nlp
 
+PUSH = 1e-6  # of a warm start away from its bounds; IPOPT's 1e-2 would throw the start away
+WARM = {"warm_start_init_point": "yes"} | {
+    f"warm_start_{what}": PUSH
+    for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+}
 FEASIBLE = 1e-6  # largest constraint violation of a usable point, in the constraints' units
 
 
@@ -69,10 +74,13 @@ class Point:
         return self.violation <= FEASIBLE and bool(np.all(np.isfinite(self.x)))
 
 
-def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
-    """Solve an NLP, step by step of its parameter; each step starts from the last point and its multipliers."""
+def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool = False) -> Point:
+    """Solve an NLP, step by step of its parameter; each step starts from the last point and its multipliers.
+
+    `warm` says that the guess is nearly optimal and must not be pushed away from its bounds.
+    """
     begin = time.perf_counter()
-    x = nlp.stacked("guess")
+    x, scale = nlp.stacked("guess"), nlp.stacked("scale")
     lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
     multipliers: dict[str, ca.DM] = {}
     iterations: list[int] = []
@@ -82,10 +90,11 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
         if left <= 0:
             outcome = Outcome.TIME
             break
-        solver = _solver(nlp, options, left)
+        solver = _solver(nlp, options, left, warm=warm or bool(multipliers))
         p = nlp.parameter(step, x)
+        bounds = {"lbx": lower / scale, "ubx": upper / scale, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
         with _quiet():
-            found = solver(x0=x, p=p, lbx=lower, ubx=upper, lbg=nlp.g_lower, ubg=nlp.g_upper, **multipliers)
+            found = solver(x0=x / scale, p=p, **bounds, **multipliers)
         if Callback.interrupted:
             Callback.interrupted = False
             raise KeyboardInterrupt
@@ -94,7 +103,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
         iterations.append(int(stats.get("iter_count", 0)))
         seconds += stats["t_wall_total"]
         evaluation += sum(part for key, part in stats.items() if key.startswith("t_wall_nlp_"))
-        candidate = np.array(found["x"]).ravel()
+        candidate = np.array(found["x"]).ravel() * scale
         if not np.all(np.isfinite(candidate)):
             break
         x = candidate
@@ -106,7 +115,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
     return Point(x, outcome, violation, tuple(iterations), seconds, evaluation)
 
 
-def _solver(nlp: Nlp, options: Options, seconds: float) -> ca.Function:
+def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool) -> ca.Function:
     ipopt = {
         "max_iter": options.iterations,
         "max_wall_time": seconds,
@@ -119,6 +128,8 @@ def _solver(nlp: Nlp, options: Options, seconds: float) -> ca.Function:
         "bound_relax_factor": 0.0,
         "honor_original_bounds": "yes",
     }
+    if warm:
+        ipopt |= WARM
     settings = {
         "ipopt": ipopt,
         "print_time": False,
