@@ -1,6 +1,6 @@
 """Time, iterations, memory and truth of pkmsea's solves, of the paper's transcription and of rockit, in one run.
 
-python examples/benchmarks/benchmark.py -o results/benchmark    (about ten minutes; --quick: a small sample of it)
+python examples/benchmarks/benchmark.py -o results/benchmark    (about twelve minutes; --quick: a small sample of it)
 
 Every case runs in a fresh process. benchmark.json is written after each of them, report.md and benchmark.png at the
 end or on Ctrl-C. Solves are timed on a warm cache of compiled functions.
