@@ -93,10 +93,10 @@ def stage_functions(posed: ours.Problem) -> tuple[ca.Function, ca.Function]:
 
     torque: (r_E and four derivatives, c) -> tau, P;  load: (r_E and two derivatives) -> q_A, u.
     """
-    exact, numbers = ours.exact_map(posed)
+    exact, none, numbers = ours.exact_map(posed)
     Y, c = ca.SX.sym("Y", 2 * DEPTH), ca.SX.sym("c", 2)
     q = inverse_kinematics(Y[:2])
-    _, v_M, tau, u, *_ = exact(q, ca.reshape(Y, 2, DEPTH), ca.SX(0, 3), c, numbers)
+    _, v_M, tau, u, *_ = exact(q, ca.reshape(Y, 2, DEPTH), ca.SX(0, 3), c, none, none, ca.SX(1, 3), numbers)
     power = ca.dot(tau, v_M) + ca.dot(posed.kappa, tau**2)
     lean = {"cse": True}  # common subexpressions once
     torque = ca.Function("torque", [Y, c], [tau, power], ["Y", "c"], ["tau", "P"], lean)

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from pkmsea.actuation import NUMBERS as NUMBERS_OF_DRIVES
 from pkmsea.actuation import flat_map
 from pkmsea.paper.reproduce import paper_task
 from pkmsea.problem import Problem, build_problem
@@ -74,7 +75,7 @@ def solve(transcription: Transcription, x: np.ndarray, last_step: bool = False) 
     for limited in (False, True):
         nlp = transcription.nlp(x, limited)
         steps = range(nlp.steps - 1 if last_step else 0, nlp.steps)
-        points.append(solve_nlp(nlp, transcription.problem.options, steps))
+        points.append(solve_nlp(nlp, transcription.problem.options, steps, warm=last_step))
         x = points[-1].x
         if not points[-1].usable or transcription.within_limits(x):
             break
@@ -107,7 +108,7 @@ def through(posed: Problem, r_E: np.ndarray, stiffness: np.ndarray) -> Motion:
     return Motion(basis, basis.fit(t, r_E), stiffness.copy())
 
 
-def exact_map(posed: Problem) -> tuple[ca.Function, ca.DM]:
-    """The flat map of the robot, and its last input (M_M, d_v)."""
-    numbers = [posed.actuation.numbers(name) for name in ("inertia", "friction")]
-    return flat_map(posed.actuation), ca.DM(np.concatenate(numbers))
+def exact_map(posed: Problem) -> tuple[ca.Function, ca.DM, ca.DM]:
+    """The flat map of the robot, its inputs for parallel springs that are not there, and the drives' numbers."""
+    numbers = [posed.actuation.numbers(name) for name in NUMBERS_OF_DRIVES]
+    return flat_map(posed.actuation.shape), ca.DM.zeros(posed.actuation.m), ca.DM(np.concatenate(numbers))

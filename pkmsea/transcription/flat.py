@@ -81,7 +81,7 @@ class FlatNlp:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Nonzeros of the constraints' Jacobian, in CasADi's order."""
         slope = self.robot.differentiate(self.at(x)) if self.columns else None
-        return self._pattern.jacobian_values(self.rows, slope)
+        return self._pattern.jacobian_values(slope)
 
     def hessian(self, x: np.ndarray, eps: float, factor: float, multipliers: np.ndarray) -> np.ndarray:
         """Nonzeros of the upper triangle of the Lagrangian's Hessian."""
