@@ -112,10 +112,22 @@ def _unsupported(name: str, kind: str) -> BridgeError:
 
 
 def _frame(model: pin.Model, name: str) -> _bridge.Frame:
-    if not model.existFrame(name):
-        raise NameNotFound("frame", name, [frame.name for frame in model.frames])
-    frame = model.frames[model.getFrameId(name)]
+    frame = model.frames[frame_id(model, name)]
     return _bridge.Frame(frame.parentJoint, _flat(frame.placement.rotation), list(frame.placement.translation))
+
+
+def frame_id(model: pin.Model, name: str) -> int:
+    """Index of a frame; where a link and a joint have the same name, the link is meant.
+
+    Raises
+    ------
+    NameNotFound : no frame has this name.
+    """
+    kinds = [frame.type for frame in model.frames if frame.name == name]
+    if not kinds:
+        raise NameNotFound("frame", name, [frame.name for frame in model.frames])
+    kind = pin.FrameType.BODY if pin.FrameType.BODY in kinds else kinds[0]
+    return int(model.getFrameId(name, kind))
 
 
 def _flat(matrix: np.ndarray) -> list[float]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -12,27 +13,33 @@ from pkmsea.errors import InputError, Unreachable
 if TYPE_CHECKING:
     from pkmsea.mechanism.mechanism import Mechanism
 
+Closure = Callable[[np.ndarray], Any]  # q to (Phi, G)
+
 TOLERANCE = 1e-12  # of closures and end-effector position [m]; four digits above rounding at arm lengths of 1 m
 ITERATIONS = 30
 SAMPLES = 12  # closed poses at which the mobility is taken
 SCATTER = 0.4  # their spread in the joints [rad, m]
+SMALL = 0.05  # a step to a neighbouring pose [rad, m]
 
 
-def close(closure: ca.Function, guess: np.ndarray) -> np.ndarray | None:
+def close(closure: Closure, guess: np.ndarray) -> np.ndarray | None:
     """The closed pose nearest to a guess, by Gauss-Newton steps of least norm; None where there is none near."""
     q = guess.astype(float)
     for _ in range(ITERATIONS):
         Phi, G = (np.array(x) for x in closure(q))
         if Phi.size == 0 or np.abs(Phi).max() < TOLERANCE:
             return q
-        step = np.linalg.lstsq(G, -Phi.ravel(), rcond=1e-10)[0]
-        q = q + step * min(1.0, 0.5 / np.abs(step).max())
-        if not np.all(np.isfinite(q)):
+        if not (np.all(np.isfinite(Phi)) and np.all(np.isfinite(G))):
             return None
+        step = np.linalg.lstsq(G, -Phi.ravel(), rcond=1e-10)[0]
+        largest = np.abs(step).max()
+        if not 0 < largest < np.inf:
+            return None
+        q = q + step * min(1.0, 0.5 / largest)
     return None
 
 
-def scatter(closure: ca.Function, seed: np.ndarray) -> list[np.ndarray]:
+def scatter(closure: Closure, seed: np.ndarray) -> list[np.ndarray]:
     """Closed poses around the seed, from a fixed random sequence."""
     rng = np.random.default_rng(0)
     tries = (close(closure, seed + rng.uniform(-SCATTER, SCATTER, seed.size)) for _ in range(SAMPLES))
@@ -122,7 +129,7 @@ def singularity(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.nda
         [A[:, : n - mechanism.mobility] / scale, np.broadcast_to(_select(mechanism), (k, len(mechanism.actuated), n))],
         axis=1,
     )
-    return _reciprocal_condition(A / scale), _reciprocal_condition(direct)
+    return reciprocal_condition(A / scale), reciprocal_condition(direct)
 
 
 def _select(mechanism: Mechanism) -> np.ndarray:
@@ -130,7 +137,8 @@ def _select(mechanism: Mechanism) -> np.ndarray:
     return np.eye(mechanism.model.nq)[mechanism.actuated]
 
 
-def _reciprocal_condition(matrices: np.ndarray) -> np.ndarray:
+def reciprocal_condition(matrices: np.ndarray) -> np.ndarray:
+    """Smallest over largest singular value of each matrix (..., a, b); zero for a zero matrix."""
     sigma = np.linalg.svd(matrices, compute_uv=False)
-    result: np.ndarray = sigma[:, -1] / sigma[:, 0]
+    result: np.ndarray = sigma[..., -1] / np.maximum(sigma[..., 0], np.finfo(float).tiny)
     return result
