@@ -63,6 +63,19 @@ def check(
 
 
 @app.command()
+def new(
+    folder: Annotated[Path, typer.Argument(help="Folder to write to.")],
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", help="URDF, URDF+, xacro or MJCF file; else what the folder holds.")
+    ] = None,
+) -> None:
+    """Start with a mechanism of your own: write its sidecar and a first task, to be corrected by you."""
+    from pkmsea.new import new as write_new
+
+    _tell(write_new(folder, urdf), quiet=False)
+
+
+@app.command()
 def solve(
     task: Annotated[Path, typer.Argument(help="Task file (YAML).")],
     out: Out = None,
