@@ -10,6 +10,7 @@ from lxml import etree
 
 from pkmsea.errors import MechanismError, NameNotFound
 from pkmsea.mechanism import meshes
+from pkmsea.mechanism.tree import UNSET
 from pkmsea.mechanism.xml import Element, number, numbers, text
 
 ENDLESS = {"revolute": 1e3, "prismatic": 10.0}  # limits of a joint that has none [rad, m]
@@ -78,8 +79,7 @@ def _widen(joint: Element, name: str, notes: list[str]) -> None:
     limit = joint.find("limit")
     if limit is None:
         limit = etree.SubElement(joint, "limit")
-    without = limit.get("lower") is None and limit.get("upper") is None
-    if kind == "continuous" or without:
+    if kind == "continuous" or tuple(float(limit.get(side, "0")) for side in ("lower", "upper")) == UNSET:
         kind = "prismatic" if kind == "prismatic" else "revolute"
         if kind == "prismatic":
             notes.append(f"joint '{name}': has no limits; {-ENDLESS[kind]:g} to {ENDLESS[kind]:g} m are taken")

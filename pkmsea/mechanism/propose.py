@@ -94,7 +94,8 @@ def _end_effector(source: Source, loops: Loops, model: pin.Model) -> EndEffector
         raise MechanismError(
             f"The mechanism has mobility {loops.mobility}, but an end effector is followed along {len(AXES)} axes at "
             "most.",
-            f"Hold {loops.mobility - len(AXES)} or more joints at a position under 'locked'.", **where,
+            f"Hold {loops.mobility - len(AXES)} or more joints at a position under 'locked', out of: "
+            f"{', '.join(list(model.names)[1:])}.", **where,
         )  # fmt: skip
     ranked = _ranked(source, model, loops.seed, loops.G[0])
     found = next((follower for worth, follower in ranked if worth >= WORTH), None)

@@ -54,7 +54,8 @@ def write_incomplete(source: Source, problem: InputError) -> Path | None:
     it has a mechanism.yaml already."""
     if _is_ours(source.sidecar):
         return None
-    draft = source.draft.model_copy(update={"independent": None})
+    again = {key: None for key in ("actuated", "independent") if key not in source.said}  # the tree says them still
+    draft = source.draft.model_copy(update=again)
     missing = [line for key, line in FILL_IN.items() if getattr(draft, key) is None]
     comments = [f"# To fill in: {problem.cause}", f"# {problem.remedy}", *(f"# {line}" for line in missing)]
     return _save(source.folder, "\n".join([text(draft, source.labels, ()), *comments, ""]), "x")

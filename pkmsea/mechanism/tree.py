@@ -12,6 +12,7 @@ from pkmsea.mechanism.xml import Element, number, numbers
 TYPES = ("revolute", "continuous", "prismatic", "fixed")
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 SIZES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}, "mesh": {}}
+UNSET = (0.0, 0.0)  # limits that CAD exporters write where nobody set any
 NEGATIVE = -1e-9  # smallest principal moment that rounding explains, relative to the largest
 
 
@@ -79,7 +80,7 @@ def _check_joint(joint: Element, key: str, file: Path) -> None:
     if limit is None or kind == "continuous" or (limit.get("lower") is None and limit.get("upper") is None):
         return
     lower, upper = (number(limit, side, file, f"{key} limit", "0") for side in ("lower", "upper"))
-    if lower >= upper:
+    if lower >= upper and (lower, upper) != UNSET:
         raise MechanismError(
             "The limits leave the joint no room.",
             "Correct them; or make the joint type='fixed', or name it under 'locked'.",
