@@ -76,8 +76,10 @@ def read_source(path: Path) -> Source:
     root, in_tree, found = _read_tree(tree)
     from_tree = parse(Draft, in_tree, tree)
     ours, theirs = ({name: getattr(d, name) for name in d.model_fields_set} for d in (said, from_tree))
-    for key in ("actuated", "independent"):  # of the tree; what mechanism.yaml locks does not count
-        theirs |= {key: tuple(name for name in theirs[key] if name not in said.locked)} if key in theirs else {}
+    if ours.keys() & {"closures", "couplings", "locked"}:
+        theirs.pop("independent", None)  # the tree counts with its own loops
+    if "actuated" in theirs:
+        theirs["actuated"] = tuple(name for name in theirs["actuated"] if name not in said.locked)
     merged = theirs | ours | {"frames": from_tree.frames | said.frames, "urdf": tree.name}
     draft = Draft.model_construct(**merged)
     return Source(folder, tree, root, sidecar, draft, frozenset(ours), tuple(labels + found))
