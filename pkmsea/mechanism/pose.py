@@ -19,6 +19,7 @@ TOLERANCE = 1e-12  # of closures and end-effector position [m]; four digits abov
 ITERATIONS = 30
 SAMPLES = 12  # closed poses at which the mobility is taken
 SCATTER = 0.4  # their spread in the joints [rad, m]
+RESOLUTION = 2e-5  # of a way
 SMALL = 0.05  # a step to a neighbouring pose [rad, m]
 
 
@@ -64,26 +65,38 @@ def task_system(mechanism: Mechanism) -> ca.Function:
 
 def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:
     """Continuation from the seed to `point` (see `Mechanism.configuration`)."""
-    system = task_system(mechanism)
-    q, start = mechanism.seed, mechanism.end_effector(mechanism.seed)
+    start = mechanism.end_effector(mechanism.seed)
     if point.shape != start.shape or not np.all(np.isfinite(point)):
         raise InputError(
             f"A point of this mechanism has {start.size} finite coordinates "
             f"({', '.join(mechanism.sidecar.end_effector.axes)}).",
             "Give them in m.", key="point", value=point.tolist(),
         )  # fmt: skip
+    q, done = walk(mechanism, point)
+    if done < 1.0:
+        raise _unreachable(mechanism, point, start + done * (point - start))
+    return q
+
+
+def walk(
+    mechanism: Mechanism, point: np.ndarray, allowed: Callable[[np.ndarray], bool] = lambda q: True
+) -> tuple[np.ndarray, float]:
+    """The pose farthest on the straight line from the seed to `point`, and its share of the way (to `RESOLUTION`).
+
+    Steps shrink where the pose turns quickly; the sign of det A may not change, and `allowed` must hold.
+    """
+    system = task_system(mechanism)
+    q, start = mechanism.seed, mechanism.end_effector(mechanism.seed)
     sign = np.sign(np.linalg.det(np.array(system(q)[1])))
     done, step = 0.0, 1.0
-    while done < 1.0:
+    while done < 1.0 and step >= RESOLUTION:
         target = start + min(done + step, 1.0) * (point - start)
         found = newton(system, q, target)
-        if found is not None and np.sign(np.linalg.det(np.array(system(found)[1]))) == sign:
+        if found is not None and np.sign(np.linalg.det(np.array(system(found)[1]))) == sign and allowed(found):
             q, done, step = found, min(done + step, 1.0), 2 * step
         else:
             step /= 2
-        if step < 1e-4:
-            raise _unreachable(mechanism, point, start + done * (point - start))
-    return q
+    return q, done
 
 
 def newton(system: ca.Function, q: np.ndarray, target: np.ndarray) -> np.ndarray | None:

@@ -7,9 +7,11 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pkmsea.files import Record
+from pkmsea.mechanism.xml import LARGEST
 
 Name = Annotated[str, Field(min_length=1, max_length=200)]
-Vector3 = tuple[float, float, float]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Vector3 = tuple[Number, Number, Number]
 
 
 def _not_zero(vector: Vector3) -> Vector3:
@@ -46,8 +48,8 @@ class Coupling(Record):
 
     joint: Name
     of: Name
-    ratio: float = 1.0
-    offset: float = Field(0.0, description="[rad, m]")
+    ratio: Number = 1.0
+    offset: Number = Field(0.0, description="[rad, m]")
 
     @model_validator(mode="after")
     def _two_joints(self) -> Coupling:
@@ -89,7 +91,7 @@ class Draft(Record):
     frames: dict[Name, Placement] = Field(default_factory=dict, description="frames that the tree lacks, by name")
     closures: tuple[Closure, ...] = ()
     couplings: tuple[Coupling, ...] = ()
-    locked: dict[Name, float] = Field(default_factory=dict, description="joints held at a position [rad, m]")
+    locked: dict[Name, Number] = Field(default_factory=dict, description="joints held at a position [rad, m]")
     plane: Plane | None = None
     gravity: Vector3 = Field((0.0, 0.0, -9.81), description="[m/s^2], world frame")
     actuated: tuple[Name, ...] | None = Field(None, min_length=1, description="joint of each drive, in drive order")
@@ -97,7 +99,7 @@ class Draft(Record):
         None, min_length=1, description="minimal coordinates q_A,ind; default: the best conditioned joints"
     )
     end_effector: EndEffector | None = None
-    seed: dict[Name, float] | None = Field(
+    seed: dict[Name, Number] | None = Field(
         None, description="joint positions that declare the assembly mode [rad, m]; others are zero"
     )
 
@@ -108,4 +110,4 @@ class Sidecar(Draft):
     actuated: tuple[Name, ...] = Field(min_length=1, description="joint of each drive, in drive order")
     independent: tuple[Name, ...] = Field(min_length=1, description="minimal coordinates q_A,ind")
     end_effector: EndEffector
-    seed: dict[Name, float] = Field(description="joint positions that declare the assembly mode [rad, m]")
+    seed: dict[Name, Number] = Field(description="joint positions that declare the assembly mode [rad, m]")

@@ -12,6 +12,11 @@ from pkmsea.mechanism.xml import Element, number, numbers
 TYPES = ("revolute", "continuous", "prismatic", "fixed")
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 SIZES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}, "mesh": {}}
+ONCE = {  # children of which the second would be overlooked
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
+}
 UNSET = (0.0, 0.0)  # limits that CAD exporters write where nobody set any
 NEGATIVE = -1e-9  # smallest principal moment that rounding explains, relative to the largest
 
@@ -26,6 +31,8 @@ def check(root: Element, file: Path) -> None:
     if root.tag != "robot":
         raise MechanismError(f"The root element is <{root.tag}>, not <robot>.", "Give a URDF file.", file=file)
     links, joints = _named(root, "link", file), _named(root, "joint", file)
+    for element in root.iter(*ONCE):
+        _check_once(element, file)
     parent_of = {}
     for name, joint in joints.items():
         parent, child = (_end(joint, name, end, links, file) for end in ("parent", "child"))
@@ -53,6 +60,16 @@ def _named(root: Element, tag: str, file: Path) -> dict[str, Element]:
             raise MechanismError(cause, "Give each its own name.", file=file, key=f"{tag} {i + 1}: name", value=name)
         found[name] = element
     return found
+
+
+def _check_once(element: Element, file: Path) -> None:
+    for tag in ONCE[str(element.tag)]:
+        if len(element.findall(tag)) > 1:
+            named = next(e for e in (element, *element.iterancestors()) if e.get("name") is not None)
+            raise MechanismError(
+                f"There are two <{tag}> elements.", "Remove one of them.",
+                file=file, key=f"{named.tag} '{named.get('name')}': {tag}",
+            )  # fmt: skip
 
 
 def _end(joint: Element, name: str, end: str, links: dict[str, Element], file: Path) -> str:

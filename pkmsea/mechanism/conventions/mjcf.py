@@ -1,8 +1,4 @@
-"""MJCF (MuJoCo): Pinocchio's parser reads the tree and its equality constraints; the tree becomes URDF.
-
-Pinocchio 4.1.0 drops what it does not know without a word (second bodies of the world, <frame>, sites of a connect,
-bodies without a name, inertias of meshes); here this is mended before it parses, or refused.
-"""
+"""MJCF (MuJoCo): Pinocchio's parser reads the tree and its equality constraints; the tree becomes URDF."""
 
 from __future__ import annotations
 
@@ -16,13 +12,11 @@ from lxml import etree
 
 from pkmsea.errors import MechanismError, NameNotFound
 from pkmsea.mechanism import xml
+from pkmsea.mechanism.conventions.mjcf_mend import WORLD, mend
 from pkmsea.mechanism.conventions.to_urdf import body_frame, to_urdf
-from pkmsea.mechanism.xml import Element, number, numbers
+from pkmsea.mechanism.xml import Element, numbers
 
 LABEL = "MJCF"
-IN_BODY = ("body", "joint", "freejoint", "inertial", "geom", "site", "camera", "light")
-SHAPES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
-WORLD = "world"
 GRAVITY = "0 0 -9.81"
 
 
@@ -38,8 +32,7 @@ def read(root: Element, file: Path) -> tuple[Element, dict[str, Any]]:
     MechanismError : something that would change the motion and is not read here.
     """
     root = copy.deepcopy(root)
-    _refuse(root, file)
-    _gather_world(root, file)
+    mend(root, file)
     couplings, locked = _joint_equalities(root, file)
     names = _keep_closures(root, file)
     model, points, welds = _parse(root, file)
@@ -63,88 +56,6 @@ def read(root: Element, file: Path) -> tuple[Element, dict[str, Any]]:
     said |= {"locked": locked} if locked else {}
     said |= _drives_and_seed(root, model, file)
     return to_urdf(model, root.get("model") or "mjcf"), said
-
-
-def _refuse(root: Element, file: Path) -> None:
-    for element in root.iter("include", "frame", "replicate", "attach", "composite", "flexcomp"):
-        raise MechanismError(
-            f"<{element.tag}> is not read.", "Save the model once from MuJoCo (mj_saveLastXML), which expands it.",
-            file=file, key=str(element.tag),
-        )  # fmt: skip
-    for joint in root.iter("joint"):
-        key = f"joint '{joint.get('name', '')}':"
-        if joint.get("ref") is not None and number(joint, "ref", file, key) != 0:
-            raise MechanismError(
-                "A reference position is not read.",
-                "Set ref='0' and turn the body instead.",
-                file=file,
-                key=f"{key} ref",
-            )
-        if joint.get("stiffness") is not None and number(joint, "stiffness", file, key) != 0:
-            raise MechanismError(
-                "A spring at a joint is not read.", "Remove it; springs belong to the drives of the task.",
-                file=file, key=f"{key} stiffness",
-            )  # fmt: skip
-    for element in root.iter("freejoint", "joint"):
-        if element.tag == "freejoint" or element.get("type") in ("free", "ball"):
-            raise MechanismError(
-                "pkmsea models hinge and slide joints.", "Replace it by hinges and slides with light bodies between.",
-                file=file, key=f"joint '{element.get('name', '')}': type",
-            )  # fmt: skip
-    if root.find("worldbody") is None:
-        raise MechanismError("There is no <worldbody>.", "Give a complete MJCF model.", file=file, key="worldbody")
-
-
-def _gather_world(root: Element, file: Path) -> None:
-    """One body around all others, each body and joint named, one joint per body, masses stated."""
-    world = root.find("worldbody")
-    around = etree.Element("body", name=WORLD)
-    around.extend(list(world))
-    world.append(around)
-    taken = {element.get("name") for element in root.iter("body", "joint")}
-    fresh = (f"{kind}{i}" for i in range(1, 10_000_000) for kind in ("unnamed",) if f"{kind}{i}" not in taken)
-    for body in list(around.iter("body")):
-        for child in body:
-            if child.tag not in IN_BODY:
-                raise MechanismError(
-                    f"<{child.tag}> in a body is not read.", "Remove it, or save the model once from MuJoCo.",
-                    file=file, key=f"body '{body.get('name', '')}': {child.tag}",
-                )  # fmt: skip
-        for element in (body, *body.findall("joint")):
-            if element.get("name") is None:
-                element.set("name", next(fresh))
-        _state_mass(body, file)
-        _split(body, next(fresh))
-
-
-def _state_mass(body: Element, file: Path) -> None:
-    """Geometry goes where the inertia is stated; else it must be of shapes whose inertia is known."""
-    stated, name = body.find("inertial") is not None, body.get("name")
-    for geom in body.findall("geom"):
-        if stated:
-            body.remove(geom)
-        elif geom.get("type") is not None and geom.get("type") not in SHAPES:
-            raise MechanismError(
-                f"The inertia of a {geom.get('type')} is not computed.", "Give the body an <inertial>.",
-                file=file, key=f"body '{name}': geom",
-            )  # fmt: skip
-        elif geom.get("mesh") is not None:
-            raise MechanismError(
-                "The inertia of a mesh is not computed.", "Give the body an <inertial>.",
-                file=file, key=f"body '{name}': geom",
-            )  # fmt: skip
-
-
-def _split(body: Element, name: str) -> None:
-    """Several joints of one body become a chain of massless bodies, in the same order."""
-    joints = body.findall("joint")
-    if len(joints) < 2:
-        return
-    rest = [child for child in body if child is not joints[0]]
-    inner = etree.SubElement(body, "body", name=body.get("name", ""))
-    inner.extend(rest)
-    body.set("name", name)
-    _split(inner, f"{name}_")
 
 
 def _active(root: Element, *tags: str) -> list[Element]:
