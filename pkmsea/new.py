@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ TASK = "task.yaml"
 PERIOD = 1.0  # [s]
 REST, WINDOW = 0.1, 0.01  # of the period; of the way
 SHARES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05)  # of the reach from the seed, tried as operating points
+ROOM = 0.2  # of the way, left around the points
 KEEP = 0.4  # of the seed's distance to singularities, on the whole way
 STEPS = 15  # at which the way is looked at
 ROTOR, LOSS, SOFT, STIFF = 0.1, 0.5, 0.05, 50.0  # of the load's inertia; of 1/(inertia w); of inertia w^2
@@ -91,6 +93,8 @@ def task_text(mechanism: Mechanism) -> str:
         f"window: {_short(WINDOW * way)}}}"
         for point in points
     ]
+    sides = zip(end_effector.axes, *box(points), strict=True)
+    room = ", ".join(f"{axis}: [{_short(low, 3)}, {_short(high, 3)}]" for axis, low, high in sides)
     rigid, elastic = _drives(mechanism)
     return "\n".join([
         f"# A first task for '{mechanism.name}'. Drives are GUESSED from the mass that they move: put your own in.",
@@ -99,6 +103,8 @@ def task_text(mechanism: Mechanism) -> str:
         f"  period: {PERIOD}  # [s]",
         f"  points:  # of {end_effector.frame} along {', '.join(end_effector.axes)} [m]; rest [s], window [m]",
         *cycle,
+        "limits:",
+        f"  end_effector: {{position: {{{room}}}}}  # [m]; keeps clear of singularities",
         "setups:  # the first one is the reference",
         "  - name: rigid",
         "    mechanism: .  # the folder of this file",
@@ -132,20 +138,27 @@ def operating_points(mechanism: Mechanism) -> list[np.ndarray]:
     )  # fmt: skip
 
 
+def box(points: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner of the room that the end effector may use: around the points, and somewhat more."""
+    low, high = np.minimum(*points), np.maximum(*points)
+    room = ROOM * max(high - low)
+    return low - room, high + room
+
+
 def _is_clear(mechanism: Mechanism, points: list[np.ndarray]) -> bool:
+    """Whether the way between the points, and the corners of the room around them, keep clear of singularities."""
     least = KEEP * np.array(mechanism.singularity(mechanism.seed))
     lower, upper = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
-    margin = WINDOW * (points[1] - points[0])
-    if not np.any(margin):
-        return False
-    for s in np.linspace(0, 1, STEPS):
+    corners = [np.array(corner) for corner in product(*zip(*box(points), strict=True))]
+    way = [points[0] + s * (points[1] - points[0]) for s in np.linspace(0, 1, STEPS)]
+    for point in (*corners, *way):
         try:
-            q = mechanism.configuration(points[0] - margin + s * (points[1] - points[0] + 2 * margin))
+            q = mechanism.configuration(point)
         except Unreachable:
             return False
         if np.any(q < lower) or np.any(q > upper) or np.any(mechanism.singularity(q) < least):
             return False
-    return True
+    return bool(np.any(points[1] != points[0]))
 
 
 def _drives(mechanism: Mechanism) -> tuple[list[str], list[str]]:

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions, frame_id, tree_functions
 from pkmsea.errors import BridgeError, MechanismError, NameNotFound
-from pkmsea.mechanism import closures, propose, urdf
+from pkmsea.mechanism import closures, plane, propose, urdf
 from pkmsea.mechanism.conventions import Source, read_source
 from pkmsea.mechanism.mechanism import Mechanism, Origin
 from pkmsea.mechanism.mobility import Loops, close_loops
@@ -45,6 +45,7 @@ def load_mechanism(source: str | Path, guess: bool = False) -> Mechanism:
     every_row = ca.Function("closure", [q], [Phi, ca.densify(ca.jacobian(Phi, q))], ["q"], ["Phi", "G"])
     worth = partial(propose.worth, said, model) if guess else None
     loops = close_loops(every_row, closures.sense(q, tree, draft.closures), model, said, worth)
+    plane.check(model, loops.seed, said)
     sidecar, proposed = propose.complete(said, loops, model, guess)
     tree = _tree(model, [*closing, sidecar.end_effector.frame], said)
     functions = closures.functions(Phi, q, loops.rows)

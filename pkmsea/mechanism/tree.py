@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +13,12 @@ from pkmsea.mechanism.xml import Element, number, numbers
 TYPES = ("revolute", "continuous", "prismatic", "fixed")
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 SIZES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}, "mesh": {}}
-ONCE = {  # children of which the second would be overlooked
-    "link": ("inertial",),
-    "inertial": ("origin", "mass", "inertia"),
-    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
-}
+HOME = {  # where an element stands; elsewhere, or for the second time, it would be overlooked
+    "link": ("robot",), "joint": ("robot",), "visual": ("link",), "inertial": ("link",), "mass": ("inertial",),
+    "inertia": ("inertial",), "parent": ("joint",), "child": ("joint",), "axis": ("joint",), "limit": ("joint",),
+    "mimic": ("joint",), "origin": ("joint", "inertial", "visual", "collision"),
+}  # fmt: skip
+MANY = ("link", "joint", "visual")
 UNSET = (0.0, 0.0)  # limits that CAD exporters write where nobody set any
 NEGATIVE = -1e-9  # smallest principal moment that rounding explains, relative to the largest
 
@@ -31,8 +33,10 @@ def check(root: Element, file: Path) -> None:
     if root.tag != "robot":
         raise MechanismError(f"The root element is <{root.tag}>, not <robot>.", "Give a URDF file.", file=file)
     links, joints = _named(root, "link", file), _named(root, "joint", file)
-    for element in root.iter(*ONCE):
-        _check_once(element, file)
+    for top in root:
+        inside = top.iterdescendants(*HOME) if top.tag in ("link", "joint") else ()
+        for element in (*([top] if top.tag in HOME else []), *inside):
+            _check_place(element, file)
     parent_of = {}
     for name, joint in joints.items():
         parent, child = (_end(joint, name, end, links, file) for end in ("parent", "child"))
@@ -62,14 +66,16 @@ def _named(root: Element, tag: str, file: Path) -> dict[str, Element]:
     return found
 
 
-def _check_once(element: Element, file: Path) -> None:
-    for tag in ONCE[str(element.tag)]:
-        if len(element.findall(tag)) > 1:
-            named = next(e for e in (element, *element.iterancestors()) if e.get("name") is not None)
-            raise MechanismError(
-                f"There are two <{tag}> elements.", "Remove one of them.",
-                file=file, key=f"{named.tag} '{named.get('name')}': {tag}",
-            )  # fmt: skip
+def _check_place(element: Element, file: Path) -> None:
+    holder, tag = element.getparent(), str(element.tag)
+    name = next((e.get("name") for e in element.iterancestors() if e.tag in ("link", "joint")), "robot")
+    where: dict[str, Any] = {"file": file, "key": f"'{name}': {tag}"}
+    if holder.tag not in HOME[tag]:
+        raise MechanismError(
+            f"<{tag}> does not belong into <{holder.tag}>.", f"Put it into its <{HOME[tag][0]}>.", **where
+        )
+    if tag not in MANY and len(holder.findall(tag)) > 1:
+        raise MechanismError(f"There are two <{tag}> elements.", "Remove one of them.", **where)
 
 
 def _end(joint: Element, name: str, end: str, links: dict[str, Element], file: Path) -> str:

@@ -84,7 +84,7 @@ def _joint_equalities(root: Element, file: Path) -> tuple[list[dict[str, Any]], 
 
 def _keep_closures(root: Element, file: Path) -> dict[str, list[str]]:
     """Leave active connects and welds for Pinocchio; returns their labels. Other equalities are refused."""
-    bodies = [body.get("name", "") for body in root.iter("body")]
+    bodies = [body.get("name", "") for body in root.findall("worldbody//body")]
     kept = _active(root, "connect", "weld")
     names: dict[str, list[str]] = {"connect": [], "weld": []}
     for i, equality in enumerate(kept):

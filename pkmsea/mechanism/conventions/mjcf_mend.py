@@ -57,6 +57,12 @@ def _refuse(root: Element, file: Path) -> None:
             f"<{element.tag}> is not read.", "Save the model once from MuJoCo (mj_saveLastXML), which expands it.",
             file=file, key=str(element.tag),
         )  # fmt: skip
+    for element in root.iter("body", "inertial"):
+        if element.getparent().tag not in ("body", "worldbody"):
+            raise MechanismError(
+                f"<{element.tag}> does not belong into <{element.getparent().tag}>.", "Put it into its body.",
+                file=file, key=f"{element.getparent().tag}: {element.tag}",
+            )  # fmt: skip
     for joint in root.iter("joint"):
         key = f"joint '{joint.get('name', '')}':"
         if joint.get("ref") is not None and number(joint, "ref", file, key) != 0:
@@ -90,10 +96,10 @@ def _gather_world(root: Element, file: Path) -> None:
     taken = {element.get("name") for element in root.iter("body", "joint")}
     fresh = (f"{kind}{i}" for i in range(1, 10_000_000) for kind in ("unnamed",) if f"{kind}{i}" not in taken)
     for body in list(around.iter("body")):
-        for child in body:
-            if child.tag not in IN_BODY:
+        for child in body.iterdescendants():
+            if child.tag not in IN_BODY or (child.getparent().tag != "body"):
                 raise MechanismError(
-                    f"<{child.tag}> in a body is not read.", "Remove it, or save the model once from MuJoCo.",
+                    f"<{child.tag}> at this place is not read.", "Remove it, or save the model once from MuJoCo.",
                     file=file, key=f"body '{body.get('name', '')}': {child.tag}",
                 )  # fmt: skip
         for element in (body, *body.findall("joint")):

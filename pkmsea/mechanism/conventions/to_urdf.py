@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from pkmsea.bridge import joint_axis
 from pkmsea.mechanism.xml import Element, text
 
 BASE = "universe"
@@ -39,15 +40,12 @@ def to_urdf(model: pin.Model, name: str) -> Element:
 
 
 def _joint(root: Element, model: pin.Model, i: int) -> None:
-    data = model.joints[i].createData()
-    model.joints[i].calc(data, np.zeros(model.nq))
-    subspace = np.asarray(data.S).reshape(6)
-    turning = bool(subspace[3:].any())
+    axis, turning = joint_axis(model, i)
     joint = etree.SubElement(root, "joint", name=model.names[i], type="revolute" if turning else "prismatic")
     etree.SubElement(joint, "parent", link=body_frame(model, model.parents[i]))
     etree.SubElement(joint, "child", link=body_frame(model, i))
     _origin(joint, model.jointPlacements[i])
-    etree.SubElement(joint, "axis", xyz=text(subspace[3:] if turning else subspace[:3]))
+    etree.SubElement(joint, "axis", xyz=text(axis))
     at = model.joints[i].idx_q
     lower, upper = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
     if np.isfinite([lower, upper]).all():
