@@ -19,7 +19,7 @@ from pkmsea.mechanism.sidecar import EndEffector, Sidecar
 
 WORTH = 0.05  # conditioning from which drives or an end effector are proposed
 CANDIDATES = 8  # frames that are tried as end effector
-TOOL = re.compile(r"effector|tool|tcp|gripper|flange|hand|^ee|ee$|tip", re.IGNORECASE)
+TOOLS = [re.compile(names, re.IGNORECASE) for names in (r"effector|tool|tcp|^ee|ee$", r"gripper|flange|hand", r"tip")]
 AXES = "xyz"
 
 
@@ -152,4 +152,5 @@ def _candidates(source: Source, model: pin.Model) -> list[str]:
         for name, f in frames.items()
     }
     others = sorted(frames, key=lambda name: depth[name], reverse=True)
-    return list(dict.fromkeys([name for name in others if TOOL.search(name)] + closing + others))
+    tools = [name for pattern in TOOLS for name in others if pattern.search(name)]
+    return list(dict.fromkeys(tools + closing + others))
