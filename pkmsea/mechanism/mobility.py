@@ -114,7 +114,7 @@ def close_loops(
         )  # fmt: skip
     proposed = False
     if far and worth:
-        value = [_quality(every_row, q, rows) * worth(q, np.array(every_row(q)[1])[rows]) for q in poses]
+        value = [worth(q, np.array(every_row(q)[1])[rows]) for q in poses]
         if seed is None or value[0] < NEAR * max(value):
             start, proposed = _inside(poses, value, model), True
     if _quality(every_row, start, rows) < SINGULAR:

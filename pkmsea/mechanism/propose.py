@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -14,13 +14,13 @@ from pkmsea.errors import MechanismError, NameNotFound
 from pkmsea.files import parse
 from pkmsea.mechanism import pose
 from pkmsea.mechanism.conventions import Source
-from pkmsea.mechanism.mobility import Loops, null_space
+from pkmsea.mechanism.mobility import Loops
 from pkmsea.mechanism.sidecar import EndEffector, Sidecar
 
-WORTH = 0.05  # conditioning from which drives or an end effector are proposed
+WORTH = 0.02  # conditioning from which drives or an end effector are proposed
 CANDIDATES = 8  # frames that are tried as end effector
 TOOLS = [re.compile(names, re.IGNORECASE) for names in (r"effector|tool|tcp|^ee|ee$", r"gripper|flange|hand", r"tip")]
-AXES = "xyz"
+AXES: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")
 
 
 def complete(source: Source, loops: Loops, model: pin.Model, guess: bool) -> tuple[Sidecar, tuple[str, ...]]:
@@ -114,8 +114,8 @@ def worth(source: Source, model: pin.Model, q: np.ndarray, G: np.ndarray) -> flo
 
 
 def _ranked(source: Source, model: pin.Model, q: np.ndarray, G: np.ndarray) -> list[tuple[float, EndEffector]]:
-    """Frames that may be the end effector, most likely first, with their worth along their best axes: the smallest
-    against the largest singular value of the velocity of their origin over the motions that keep the loops closed."""
+    """Frames that may be the end effector, most likely first, along their best axes, with their worth: the reciprocal
+    condition number of [G; J_E], zero at the border of the workspace."""
     mobility = model.nq - G.shape[0]
     declared = source.draft.end_effector
     if mobility > len(AXES) or (declared and len(declared.axes) != mobility):
@@ -123,24 +123,19 @@ def _ranked(source: Source, model: pin.Model, q: np.ndarray, G: np.ndarray) -> l
     data = model.createData()
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
-    motion = null_space(G, mobility)
     ranked = []
     for name in [declared.frame] if declared else _candidates(source, model)[:CANDIDATES]:
         J = pin.getFrameJacobian(model, data, frame_id(model, name), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3]
-        velocity = J @ motion
-        values = {axes: _share(velocity, axes) for axes in combinations(range(3), mobility)}
-        if declared:
-            values = {axes: values[axes] for axes in [tuple(sorted(map(AXES.index, declared.axes)))]}
-        axes = max(values, key=lambda rows: values[rows])
-        ranked.append((values[axes], EndEffector(frame=name, axes=tuple(AXES[i] for i in axes))))
+        choices = [declared.axes] if declared else list(combinations(AXES, mobility))
+        values = {axes: _worth(G, J[[AXES.index(axis) for axis in axes]]) for axes in choices}
+        axes = max(values, key=lambda axes: values[axes])
+        ranked.append((values[axes], EndEffector(frame=name, axes=axes)))
     return ranked
 
 
-def _share(velocity: np.ndarray, rows: tuple[int, ...]) -> float:
-    largest = np.linalg.svd(velocity, compute_uv=False)[0]
-    if largest < pose.TOLERANCE:
-        return 0.0
-    return float(np.linalg.svd(velocity[list(rows)], compute_uv=False)[-1] / largest)
+def _worth(G: np.ndarray, J_E: np.ndarray) -> float:
+    A = np.vstack([G, J_E])
+    return float(pose.reciprocal_condition(A)) if np.abs(J_E).max() > pose.TOLERANCE else 0.0
 
 
 def _candidates(source: Source, model: pin.Model) -> list[str]:

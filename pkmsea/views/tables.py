@@ -147,7 +147,7 @@ def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
         "proposed": list(mechanism.origin.proposed),
         "notes": list(mechanism.origin.notes),
         "closure_residual": float(np.abs(mechanism.closure_residual(mechanism.seed)).max(initial=0.0)),
-        "seed": dict(zip(mechanism.joints, mechanism.seed.round(6).tolist(), strict=True)),
+        "seed": dict(zip(mechanism.joints, (mechanism.seed.round(6) + 0.0).tolist(), strict=True)),
         "end_effector": (start.round(6) + 0.0).tolist(),
         "H_A": mechanism.actuation_jacobian(mechanism.seed).round(6).tolist(),
         "singularity": {"inverse": inverse, "direct": direct},
