@@ -6,9 +6,9 @@ import pytest
 from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
 
 from pkmsea.actuation import Actuation, Drive, flat_map
-from pkmsea.actuation.equations import stage_functions
+from pkmsea.actuation.equations import stage, stage_functions
 from pkmsea.errors import InputError, MechanismError
-from pkmsea.mechanism import Mechanism
+from pkmsea.mechanism import Mechanism, pose
 from pkmsea.problem import build_problem
 from pkmsea.solution.audit import series
 from pkmsea.transcription import Motion
@@ -106,10 +106,9 @@ def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism
     c = np.where([d.elastic for d in robot.drives], 0.3, 1.0)
     r = np.concatenate([robot.numbers("inertia"), robot.numbers("friction")])
     w = np.concatenate([Y[:, :3].T.ravel(), Z[:, 0], np.log(c)])
-    stage = stage_functions(robot)
-    xi = stage.unknowns(q, w, r)[0]
-    s = np.array(stage.outputs(xi, w, r)).ravel()
-    exact = flat_map(robot)(q, Y, Z, c, r)
+    stage = stage_functions(robot.shape)
+    s = np.array(stage.unknowns(q, w, r)[1]).ravel()
+    exact = flat_map(robot.shape)(q, Y, Z, c, r)
     q_M, _, tau, u, v, a = (np.array(x).ravel() for x in exact)
     for i, drive in enumerate(robot.drives):
         expected = (q_M[i], u[i]) if drive.elastic else (tau[i], v[robot.mechanism.actuated[i]])
@@ -117,15 +116,39 @@ def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism
     np.testing.assert_allclose(s[2 * m :], np.concatenate([q, v, a]), rtol=1e-10, atol=1e-10)
 
 
-def test_the_equations_hold_and_their_jacobian_is_regular(mechanisms: dict[str, Mechanism]) -> None:
+def test_the_equations_hold_and_their_derivatives_are_exact(mechanisms: dict[str, Mechanism]) -> None:
+    """The residual at the solved unknowns, and total derivatives against central differences along the equations."""
     robot = actuation(mechanisms["pkm_3rrr"], [ELASTIC] * 3)
-    stage = stage_functions(robot)
-    w = np.zeros(stage.unknowns.size1_in(1))
-    w[-3:] = np.log(0.2)
-    xi = stage.unknowns(robot.mechanism.seed, w, np.zeros(6))[0]
-    R_xi = np.array(stage.first(xi, w, np.zeros(6))[0])
-    assert R_xi.shape[0] == R_xi.shape[1] == ca.DM(xi).numel()
-    assert np.linalg.cond(R_xi) < 1e6
+    n, m = robot.mechanism.model.nq, robot.m
+    functions, equations = stage_functions(robot.shape, (2 * m + n,)), stage(robot.shape)
+    residual = ca.Function("R", [equations.xi, equations.w, equations.r], [equations.R])
+    newton = pose.pose_step(robot.mechanism)
+    rng = np.random.default_rng(2)
+    w = rng.normal(size=equations.w.numel())
+    w[:2], w[-3:] = robot.mechanism.end_effector(robot.mechanism.seed), np.log(0.2)
+    r, mu = rng.uniform(0.1, 1.0, 2 * m), rng.normal(size=2 * m + 1)
+
+    def solved(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        q = ca.DM(robot.mechanism.seed)
+        for _ in range(20):
+            q += newton(q, at[:2])[0]
+        xi, s, *_ = functions.unknowns(q, at, r)
+        return np.array(xi).ravel(), np.array(s).ravel()[[*range(2 * m), 2 * m + n]]
+
+    assert np.abs(np.array(residual(solved(w)[0], w, r))).max() < 1e-9
+    direction, h = rng.normal(size=w.size), 1e-5
+
+    def central(function) -> np.ndarray:
+        return (function(w + h * direction) - function(w - h * direction)) / (2 * h)
+
+    def slope(at: np.ndarray) -> np.ndarray:
+        return np.array(functions.slope(solved(at)[0], at, r))
+
+    change = central(lambda at: solved(at)[1])
+    np.testing.assert_allclose(slope(w) @ direction, change, rtol=0, atol=1e-6 * np.abs(change).max())
+    change = central(lambda at: mu @ slope(at))
+    W = np.array(functions.curvature(solved(w)[0], w, r, mu))
+    np.testing.assert_allclose(W @ direction, change, rtol=0, atol=1e-6 * np.abs(change).max())
 
 
 def test_free_drive_leaves_a_well_conditioned_rest(mechanisms: dict[str, Mechanism]) -> None:

@@ -1,24 +1,27 @@
 """The robot at one instant as equations with many small unknowns: cheap to differentiate twice.
 
-Instead of one long expression for the drives' forces, the unknowns xi = (q, v, a, u, lambda) are fixed by
+Instead of one long expression for the drives' forces, the unknowns xi = (q, v, a, u_f, u_d, lambda) are fixed by
 
     Psi(q)                                   = [0; y]       loops closed, end effector at y
     A(q) v                                   = [0; y']
     A(q) a + dA/dt v                         = [0; y'']
-    rnea(q, v, a) - S_A^T u - G^T lambda     = 0            the tree with its drives and closure forces
     u_i - c_i (z_i - q_A,i)                  = 0            a free elastic drive
     u_i + M_M,i a_A,i + d_v,i v_A,i - z_i    = 0            a free rigid drive
+    rnea(q, v, a) - S_A^T u - G^T lambda     = 0            the tree with its drives and closure forces
 
-given w = (y, y', y'', z, theta) with theta = ln c. What the cost and the limits need are the outputs s.
+given w = (y, y', y'', z, theta) with theta = ln c. What the cost and the limits need are the outputs s. Once the
+groups before it are known, each group of equations is linear in its own unknowns, with A, 1 or L in front; so dxi/dw
+and the adjoints follow group by group, as expressions.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 
-from pkmsea.actuation.actuation import Actuation, dependent_columns, on_joints, stack
+from pkmsea.actuation.actuation import Shape, dependent_columns, on_joints, stack
 from pkmsea.mechanism import pose
 
 
@@ -26,89 +29,140 @@ from pkmsea.mechanism import pose
 class StageFunctions:
     """Functions of one instant. Sizes: n joints, delta, m drives, k = m - delta; xi has 4n + k entries, w 3delta+k+m.
 
-    `numbers` r = (M_M, d_v), (2m,), are parameters.
+    `numbers` r = (M_M, d_v), (2m,), are parameters. The outputs s are (q_M, u) of an elastic drive, (tau, v_A) of a
+    rigid one, drive by drive; then q, v, a of all joints. s_D are those that are differentiated: all of the drives,
+    and the `limited` ones of the joints.
 
     Attributes
     ----------
-    closed_pose : (q) -> Psi, A; what Newton's method needs for q.
-    unknowns : (q, w, r) -> xi, L; all of xi by linear solves, once q is known; L (n, n) maps the dependent drives'
-        and closure forces to the joints and is singular where the drives lose the end effector.
-    outputs : (xi, w, r) -> s; per drive (q_M, u) if elastic, (tau, v_A) if rigid; then q, v, a of all joints.
-    first : (xi, w, r) -> R_xi, R_w, s_xi, s_w; Jacobians of the residual R and of s.
-    second : (xi, w, r, mu, nu) -> Hessian of mu^T s + nu^T R in (xi, w).
+    unknowns : (q, w, r) -> xi, s, A, L; once q is known. L (n, n) maps the dependent drives' and closure forces to the
+        joints, and is singular where the drives lose the end effector.
+    slope : (xi, w, r) -> S; ds_D/dw along the equations.
+    curvature : (xi, w, r, mu) -> W; Hessian of mu^T s_D in w along the equations.
     """
 
-    closed_pose: ca.Function
     unknowns: ca.Function
-    outputs: ca.Function
-    first: ca.Function
-    second: ca.Function
+    slope: ca.Function
+    curvature: ca.Function
 
 
-def stage_functions(actuation: Actuation) -> StageFunctions:
-    """Build the Functions of one instant for a robot."""
-    mechanism = actuation.mechanism
-    n, delta, m = mechanism.model.nq, mechanism.mobility, actuation.m
+@dataclass(frozen=True)
+class Stage:
+    """The equations R(xi, w, r) = 0 and outputs s as expressions.
+
+    `groups` are the solvable groups in their order: slice of R, slice of xi, inverse of the matrix between the two.
+    """
+
+    xi: ca.SX
+    w: ca.SX
+    r: ca.SX
+    R: ca.SX
+    s: ca.SX
+    A: ca.SX
+    L: ca.SX
+    groups: tuple[tuple[slice, ca.SX], ...]
+
+    def forward(self, right: ca.SX) -> ca.SX:
+        """R_xi^-1 right, (xi, columns)."""
+        R_xi = ca.jacobian(self.R, self.xi)
+        solved = ca.SX(0, right.size2())
+        for at, inverse in self.groups:
+            solved = ca.vertcat(solved, ca.mtimes(inverse, right[at, :] - ca.mtimes(R_xi[at, : at.start], solved)))
+        return solved
+
+    def adjoint(self, right: ca.SX) -> ca.SX:
+        """R_xi^-T right, (R, columns)."""
+        R_xi = ca.jacobian(self.R, self.xi)
+        solved = ca.SX(0, right.size2())
+        for at, inverse in reversed(self.groups):
+            below = ca.mtimes(R_xi[at.stop :, at].T, solved)
+            solved = ca.vertcat(ca.mtimes(inverse.T, right[at, :] - below), solved)
+        return solved
+
+
+def stage(shape: Shape) -> Stage:
+    """The equations of one instant of a robot."""
+    mechanism = shape.mechanism
+    n, delta, m = mechanism.model.nq, mechanism.mobility, shape.m
     k = m - delta
     q, v, a = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("a", n)
-    u, lam = ca.SX.sym("u", m), ca.SX.sym("lambda", n - delta)
+    u_free, u_dependent, lam = ca.SX.sym("u_f", k), ca.SX.sym("u_d", delta), ca.SX.sym("lambda", n - delta)
     y, dy, ddy = ca.SX.sym("y", delta), ca.SX.sym("dy", delta), ca.SX.sym("ddy", delta)
     z, theta = ca.SX.sym("z", k), ca.SX.sym("theta", m)
     inertia, friction = ca.SX.sym("M_M", m), ca.SX.sym("d_v", m)
-    xi, w = ca.vertcat(q, v, a, u, lam), ca.vertcat(y, dy, ddy, z, theta)
-    r = ca.vertcat(inertia, friction)
+    u = ca.SX(m, 1)
+    u[list(shape.free)], u[shape.dependent] = u_free, u_dependent
 
-    closed_pose = pose.task_system(mechanism)
-    Psi, A = closed_pose(q)
+    Psi, A = pose.task_system(mechanism)(q)
     gamma = ca.jtimes(ca.mtimes(A, v), q, v)
     G = mechanism.functions["closure_jacobian"](q)
-    load = mechanism.tree.inverse_dynamics(q, v, a)
     zero = ca.SX(n - delta, 1)
     at = mechanism.actuated
     force = [
         ca.exp(theta[i]) * (z[j] - q[at[i]])
-        if actuation.drives[i].elastic
+        if i in shape.elastic
         else z[j] - inertia[i] * a[at[i]] - friction[i] * v[at[i]]
-        for j, i in enumerate(actuation.free)
+        for j, i in enumerate(shape.free)
     ]
     R = ca.vertcat(
         Psi - ca.vertcat(zero, y),
         ca.mtimes(A, v) - ca.vertcat(zero, dy),
         ca.mtimes(A, a) + gamma - ca.vertcat(zero, ddy),
-        load - on_joints(u, at, n) - ca.mtimes(G.T, lam),
-        stack([u[i] for i in actuation.free]) - stack(force),
+        u_free - stack(force),
+        mechanism.tree.inverse_dynamics(q, v, a) - on_joints(u, at, n) - ca.mtimes(G.T, lam),
     )
-    s = ca.vertcat(_drive_outputs(actuation, q, v, a, u, z, theta, inertia, friction), q, v, a)
-    arguments, names = [xi, w, r], ["xi", "w", "r"]
-    mu, nu = ca.SX.sym("mu", s.numel()), ca.SX.sym("nu", R.numel())
-    both = ca.vertcat(xi, w)
-    hessian = ca.hessian(ca.dot(mu, s) + ca.dot(nu, R), both)[0]
-    first = [ca.densify(ca.jacobian(e, x)) for e in (R, s) for x in (xi, w)]
+    s = ca.vertcat(_drive_outputs(shape, q, v, a, u, z, theta, inertia, friction), q, v, a)
+    L = ca.horzcat(ca.SX(dependent_columns(shape)), G.T)
+    edges = (0, n, 2 * n, 3 * n, 3 * n + k, 4 * n + k)
+    inverse_A = ca.inv(A)
+    inverses = (inverse_A, inverse_A, inverse_A, ca.SX.eye(k), -ca.inv(L))
+    groups = tuple(
+        (slice(start, stop), inverse) for start, stop, inverse in zip(edges, edges[1:], inverses, strict=False)
+    )
+    xi, w = ca.vertcat(q, v, a, u_free, u_dependent, lam), ca.vertcat(y, dy, ddy, z, theta)
+    return Stage(xi, w, ca.vertcat(inertia, friction), R, s, A, L, groups)
 
-    # once q is known, every block of R is linear in the next unknown
-    v_ = ca.solve(A, ca.vertcat(zero, dy))
-    a_ = ca.solve(A, ca.vertcat(zero, ddy) - ca.substitute(gamma, v, v_))
-    u_free = ca.substitute(stack(force), ca.vertcat(v, a), ca.vertcat(v_, a_))
-    u_known = ca.SX(m, 1)
-    u_known[actuation.free] = u_free
-    rest = ca.substitute(load, ca.vertcat(v, a), ca.vertcat(v_, a_)) - on_joints(u_known, at, n)
-    columns = ca.horzcat(ca.SX(dependent_columns(actuation)), G.T)
-    u_dependent, lam_ = ca.vertsplit(ca.solve(columns, rest), [0, delta, n])
-    u_known[actuation.dependent] = u_dependent
-    unknowns = ca.vertcat(q, v_, a_, u_known, lam_)
+
+@lru_cache(maxsize=32)
+def stage_functions(shape: Shape, limited: tuple[int, ...] = ()) -> StageFunctions:
+    """Build the Functions of one instant for a robot; `limited` are indices of s beside the drives'."""
+    e = stage(shape)
+    q = e.xi[: shape.mechanism.model.nq]
+    s_D = ca.vertcat(e.s[: 2 * shape.m], *[e.s[i] for i in limited])
+
+    # every group is linear in its own unknowns: one Newton step from zero solves it
+    xi = q
+    for at, inverse in e.groups[1:]:
+        guess = ca.vertcat(xi, ca.SX.zeros(e.xi.numel() - at.start))
+        xi = ca.vertcat(xi, ca.densify(-ca.mtimes(inverse, ca.substitute(e.R[at], e.xi, guess))))
+
+    mu, nu = ca.SX.sym("mu", s_D.numel()), ca.SX.sym("nu", e.R.numel())
+    inner = e.forward(-ca.jacobian(e.R, e.w))
+    s_xi = ca.jacobian(s_D, e.xi)
+    slope = ca.jacobian(s_D, e.w) + ca.mtimes(s_xi, inner)
+    Hessian = ca.hessian(ca.dot(mu, s_D) + ca.dot(nu, e.R), ca.vertcat(e.xi, e.w))[0]
+    Hessian = ca.substitute(Hessian, nu, ca.densify(e.adjoint(-ca.mtimes(s_xi.T, mu))))
+    direction = ca.vertcat(inner, ca.SX.eye(e.w.numel()))
+    curvature = ca.mtimes(direction.T, ca.mtimes(Hessian, direction))
+    given, names = [e.xi, e.w, e.r], ["xi", "w", "r"]
     return StageFunctions(
-        closed_pose,
-        ca.Function(
-            "unknowns", [q, w, r], ca.cse([ca.densify(unknowns), ca.densify(columns)]), ["q", "w", "r"], ["xi", "L"]
+        _function(
+            "unknowns", [q, e.w, e.r], [xi, ca.substitute(e.s, e.xi, ca.densify(xi)), e.A, e.L],
+            ["q", "w", "r"], ["xi", "s", "A", "L"],
         ),
-        ca.Function("outputs", arguments, [s], names, ["s"]),
-        ca.Function("first", arguments, ca.cse(first), names, ["R_xi", "R_w", "s_xi", "s_w"]),
-        ca.Function("second", [*arguments, mu, nu], [ca.densify(ca.cse(hessian))], [*names, "mu", "nu"], ["W"]),
-    )
+        _function("slope", given, [slope], names, ["S"]),
+        _function("curvature", [*given, mu], [curvature], [*names, "mu"], ["W"]),
+    )  # fmt: skip
+
+
+def _function(
+    name: str, inputs: list[ca.SX], outputs: list[ca.SX], names_in: list[str], names_out: list[str]
+) -> ca.Function:
+    return ca.Function(name, inputs, [ca.densify(x) for x in ca.cse(outputs)], names_in, names_out)
 
 
 def _drive_outputs(
-    actuation: Actuation,
+    shape: Shape,
     q: ca.SX,
     v: ca.SX,
     a: ca.SX,
@@ -120,12 +174,12 @@ def _drive_outputs(
 ) -> ca.SX:
     """(2m,): (q_M, u) of an elastic drive, (tau, v_A) of a rigid one."""
     rows: list[ca.SX] = []
-    for i, drive in enumerate(actuation.drives):
-        j = actuation.mechanism.actuated[i]
-        if not drive.elastic:
+    for i in range(shape.m):
+        j = shape.mechanism.actuated[i]
+        if i not in shape.elastic:
             rows += [u[i] + inertia[i] * a[j] + friction[i] * v[j], v[j]]
-        elif i in actuation.free:
-            rows += [z[actuation.free.index(i)], u[i]]
+        elif i in shape.free:
+            rows += [z[shape.free.index(i)], u[i]]
         else:
             rows += [q[j] + u[i] * ca.exp(-theta[i]), u[i]]
     return stack(rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -47,6 +48,7 @@ def scatter(closure: Closure, seed: np.ndarray) -> list[np.ndarray]:
     return [q for q in tries if q is not None]
 
 
+@lru_cache(maxsize=32)
 def task_system(mechanism: Mechanism) -> ca.Function:
     """(Psi, A)(q) with Psi = [Phi; r_E] and A = dPsi/dq, (n, n): A v = [0; dr_E/dt]."""
     axes, delta = len(mechanism.sidecar.end_effector.axes), mechanism.mobility
@@ -61,6 +63,16 @@ def task_system(mechanism: Mechanism) -> ca.Function:
     Psi = ca.vertcat(f["closure_residual"](q), f["end_effector"](q))
     A = ca.vertcat(f["closure_jacobian"](q), f["end_effector_jacobian"](q))
     return ca.Function("task_system", [q], [Psi, ca.densify(A)], ["q"], ["Psi", "A"])
+
+
+@lru_cache(maxsize=32)
+def pose_step(mechanism: Mechanism) -> ca.Function:
+    """(q, y) -> step, gap: Newton's step towards Psi(q) = [0; y], and how far it is off."""
+    q, y = ca.SX.sym("q", mechanism.model.nq), ca.SX.sym("y", mechanism.mobility)
+    Psi, A = task_system(mechanism)(q)
+    gap = ca.vertcat(ca.SX.zeros(q.numel() - y.numel()), y) - Psi
+    step = ca.mtimes(ca.inv(A), gap)
+    return ca.Function("pose_step", [q, y], ca.cse([step, gap]), ["q", "y"], ["step", "gap"])
 
 
 def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:

@@ -15,6 +15,11 @@ import numpy as np
 from pkmsea.task import Options
 from pkmsea.transcription.nlp import Callback, Nlp
 
+PUSH = 1e-6  # of a warm start away from its bounds; IPOPT's 1e-2 would throw the start away
+WARM = {"warm_start_init_point": "yes"} | {
+    f"warm_start_{what}": PUSH
+    for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+}
 FEASIBLE = 1e-6  # largest constraint violation of a usable point, in the constraints' units
 
 
@@ -53,12 +58,15 @@ class Point:
     outcome : of the last step.
     violation : largest violation of bounds and constraints.
     iterations : per step.
+    seconds, evaluation : wall time of all steps, and the part of it spent in the NLP's functions.
     """
 
     x: np.ndarray
     outcome: Outcome
     violation: float
     iterations: tuple[int, ...]
+    seconds: float = 0.0
+    evaluation: float = 0.0
 
     @property
     def usable(self) -> bool:
@@ -66,30 +74,35 @@ class Point:
         return self.violation <= FEASIBLE and bool(np.all(np.isfinite(self.x)))
 
 
-def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
-    """Solve an NLP, step by step of its parameter; each step starts from the last point and its multipliers."""
+def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool = False) -> Point:
+    """Solve an NLP, step by step of its parameter; each step starts from the last point and its multipliers.
+
+    `warm` says that the guess is nearly optimal and must not be pushed away from its bounds.
+    """
     begin = time.perf_counter()
-    x = nlp.stacked("guess")
+    x, scale = nlp.stacked("guess"), nlp.stacked("scale")
     lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
     multipliers: dict[str, ca.DM] = {}
     iterations: list[int] = []
-    outcome, violation = Outcome.FAILED, np.inf
+    outcome, violation, evaluation = Outcome.FAILED, np.inf, 0.0
     for step in range(nlp.steps) if steps is None else steps:
         left = options.time_limit - (time.perf_counter() - begin)
         if left <= 0:
             outcome = Outcome.TIME
             break
-        solver = _solver(nlp, options, left)
+        solver = _solver(nlp, options, left, warm=warm or bool(multipliers))
         p = nlp.parameter(step, x)
+        bounds = {"lbx": lower / scale, "ubx": upper / scale, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
         with _quiet():
-            found = solver(x0=x, p=p, lbx=lower, ubx=upper, lbg=nlp.g_lower, ubg=nlp.g_upper, **multipliers)
+            found = solver(x0=x / scale, p=p, **bounds, **multipliers)
         if Callback.interrupted:
             Callback.interrupted = False
             raise KeyboardInterrupt
         stats = solver.stats()
         outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
         iterations.append(int(stats.get("iter_count", 0)))
-        candidate = np.array(found["x"]).ravel()
+        evaluation += sum(seconds for key, seconds in stats.items() if key.startswith("t_wall_nlp_"))
+        candidate = np.array(found["x"]).ravel() * scale
         if not np.all(np.isfinite(candidate)):
             break
         x = candidate
@@ -98,10 +111,10 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
         if outcome is Outcome.INFEASIBLE:
             break
         multipliers = {"lam_g0": found["lam_g"], "lam_x0": found["lam_x"]}
-    return Point(x, outcome, violation, tuple(iterations))
+    return Point(x, outcome, violation, tuple(iterations), time.perf_counter() - begin, evaluation)
 
 
-def _solver(nlp: Nlp, options: Options, seconds: float) -> ca.Function:
+def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool) -> ca.Function:
     ipopt = {
         "max_iter": options.iterations,
         "max_wall_time": seconds,
@@ -114,6 +127,8 @@ def _solver(nlp: Nlp, options: Options, seconds: float) -> ca.Function:
         "bound_relax_factor": 0.0,
         "honor_original_bounds": "yes",
     }
+    if warm:
+        ipopt |= WARM
     settings = {"ipopt": ipopt, "print_time": False, "error_on_fail": False, "calc_lam_p": False, "calc_lam_x": False}
     if nlp.derivatives:
         settings |= nlp.derivatives | {"no_nlp_grad": True}

@@ -26,6 +26,7 @@ class FlatTranscription(Transcription):
     def __init__(self, problem: Problem, trajectory: Fourier | Spline, samples: int | None) -> None:
         super().__init__(problem)
         self.trajectory, self.basis = trajectory, make_basis(trajectory, problem.cycle.period)
+        self.size = self.basis.size
         wanted = samples or max(FEWEST_SAMPLES, 2 * PER_KNOT * self.basis.modes)
         pieces = trajectory.knots if isinstance(trajectory, Spline) else 1
         self.samples = pieces * math.ceil(wanted / pieces)
@@ -70,5 +71,6 @@ class FlatTranscription(Transcription):
     def transfer(self, motion: Motion) -> np.ndarray:
         t = np.arange(4 * self.basis.size) * self.basis.period / (4 * self.basis.size)
         coefficients = self.basis.fit(t, motion.flat_output(t))
-        theta = np.log(motion.stiffness[self.problem.actuation.elastic])
+        low, high = self.problem.stiffness_range.T
+        theta = np.log(np.clip(motion.stiffness[self.problem.actuation.elastic], low, high))
         return np.concatenate([coefficients.T.ravel(), theta])

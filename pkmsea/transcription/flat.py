@@ -19,7 +19,10 @@ from pkmsea.transcription.windows import LinearRows, linear_rows, narrowed
 
 SHARPENING = (1.0, 0.3, 0.1, 0.03)  # eps of each step, relative to the mean positive power before it
 SMALLEST_POWER = 1e-9  # [W]; keeps the root differentiable where nothing moves
+SMALLEST_SPREAD = 1e-6  # [rad, m, N m, N]; keeps a scale positive where nothing moves
 SIGNALS = ("tau", "speed")
+# ln c has the scale 1; relative to it, the typical change of a coefficient, by trial: IPOPT regularises by scale
+PATH_SCALE, FREE_SCALE = 0.03, 0.3  # of the operating points' span, and of the spread of a free drive's coordinate
 
 
 class FlatNlp:
@@ -27,17 +30,19 @@ class FlatNlp:
 
     def __init__(self, problem: Problem, basis: Basis, samples: int, limited: tuple[Bound, ...]) -> None:
         self.problem, self.basis = problem, basis
-        self.robot = RobotOnGrid(problem.actuation, basis, samples)
         self.weight = basis.period / samples
-        self.rows: LinearRows = linear_rows(problem, basis, samples, self.robot.size)
         self.limited = [bound for bound in limited if not bound.quantity.endswith("r_E")]
         self.columns = [column for bound in self.limited if (column := self.column(bound)) is not None]
+        joints = sorted({column for column in self.columns if column >= 2 * problem.actuation.m})
+        self.robot = RobotOnGrid(problem.actuation, basis, samples, joints)
+        self.rows: LinearRows = linear_rows(problem, basis, samples, self.robot.size)
+        self._differentiated = [self.robot.differentiated.index(column) for column in self.columns]
         self._state: State | None = None
-        self._pattern = Pattern(self.robot, self.rows, self.columns)
+        self._pattern = Pattern(self.robot, self.rows, self._differentiated)
 
     def column(self, bound: Bound) -> int | None:
         """Column of the signal that a bound limits; None for the end effector's, which are linear."""
-        m, n = self.robot.m, self.robot.n
+        m, n = self.problem.actuation.m, self.problem.actuation.mechanism.model.nq
         if bound.quantity.endswith("r_E"):
             return None
         if bound.quantity in SIGNALS:
@@ -84,7 +89,7 @@ class FlatNlp:
         slope = self.robot.differentiate(state)
         weights = factor * self._drive_weights(state, eps)
         nonlinear = multipliers[self.rows.matrix.shape[0] :].reshape(self.robot.samples, -1)
-        for j, column in enumerate(self.columns):
+        for j, column in enumerate(self._differentiated):
             weights[:, column] += nonlinear[:, j]
         blocks = self.robot.curvature(state, weights)
         Q = factor * self._drive_curvature(state, eps)
@@ -95,9 +100,9 @@ class FlatNlp:
         return self._pattern.hessian_values(blocks)
 
     def _drive_weights(self, state: State, eps: float) -> np.ndarray:
-        """dE/dsignals, (samples, signals)."""
+        """dE/dsignals, (samples, differentiated signals)."""
         gain, _ = _positive_part_slopes(self.power(state), eps)
-        weights = np.zeros_like(state.signals)
+        weights = np.zeros((self.robot.samples, len(self.robot.differentiated)))
         m2 = 2 * self.robot.m
         weights[:, :m2] = self.weight * gain[:, None] * self._power_slope(state)
         return weights
@@ -127,46 +132,51 @@ class FlatNlp:
     def nlp(self, guess: np.ndarray) -> Nlp:
         """The NLP around a first trajectory, whose poses are found by continuation."""
         self.robot.start(guess)
-        size, rows = self.robot.size, self._pattern.rows
-        x, p = ("x", ca.Sparsity.dense(size)), ("p", ca.Sparsity.dense(1))
-        one = ca.Sparsity.dense(1)
+        variables = self._variables(guess)
+        scale = np.concatenate([variable.scale for variable in variables])
+        pattern, rows = self._pattern, self._pattern.rows
+        scale_jacobian, scale_hessian = pattern.scales(scale)
+        one, g = ca.Sparsity.dense(1), ("g", ca.Sparsity.dense(rows))
+        given = [("x", ca.Sparsity.dense(self.robot.size)), ("p", one)]
+        multipliers = [("lam_f", one), ("lam_g", ca.Sparsity.dense(rows))]
+
+        def value(a, r):
+            if r[0] is not None:
+                r[0][0] = self.objective(a[0] * scale, a[1][0])
 
         def values(a, r):
-            if r[0] is not None:
-                r[0][0] = self.objective(a[0], a[1][0])
+            value(a, r)
             if r[1] is not None:
-                r[1][:] = self.constraints(a[0])
+                r[1][:] = self.constraints(a[0] * scale)
 
         def slopes(a, r):
-            if r[0] is not None:
-                r[0][0] = self.objective(a[0], a[1][0])
+            value(a, r)
             if r[1] is not None:
-                r[1][:] = self.gradient(a[0], a[1][0])
+                r[1][:] = self.gradient(a[0] * scale, a[1][0]) * scale
 
         def rates(a, r):
             if r[0] is not None:
-                r[0][:] = self.constraints(a[0])
+                r[0][:] = self.constraints(a[0] * scale)
             if r[1] is not None:
-                r[1][:] = self.jacobian(a[0])
+                r[1][:] = self.jacobian(a[0] * scale) * scale_jacobian
 
         def second(a, r):
-            r[0][:] = self.hessian(a[0], a[1][0], a[2][0], a[3] if a[3] is not None else np.zeros(rows))
+            on_g = a[3] if a[3] is not None else np.zeros(rows)
+            r[0][:] = self.hessian(a[0] * scale, a[1][0], a[2][0], on_g) * scale_hessian
 
-        g = ("g", ca.Sparsity.dense(rows))
-        multipliers = [("lam_f", one), ("lam_g", ca.Sparsity.dense(rows))]
-        pattern = self._pattern
-        oracle = Callback("nlp", [x, p], [("f", one), g], values)
+        f = ("f", one)
+        oracle = Callback("nlp", given, [f, g], values)
         derivatives = {
-            "grad_f": Callback("nlp_grad_f", [x, p], [("f", one), ("grad_f_x", x[1])], slopes),
-            "jac_g": Callback("nlp_jac_g", [x, p], [g, ("jac_g_x", pattern.jacobian)], rates),
+            "grad_f": Callback("nlp_grad_f", given, [f, ("grad_f_x", given[0][1])], slopes),
+            "jac_g": Callback("nlp_jac_g", given, [g, ("jac_g_x", pattern.jacobian)], rates),
             "hess_lag": Callback(
-                "nlp_hess_l", [x, p, *multipliers], [("triu_hess_gamma_x_x", pattern.hessian)], second
+                "nlp_hess_l", [*given, *multipliers], [("triu_hess_gamma_x_x", pattern.hessian)], second
             ),
         }
         boxes = np.array([narrowed(bound.lower, bound.upper) for bound in self.limited]).reshape(-1, 2)
         lower = np.concatenate([self.rows.lower, np.tile(boxes[:, 0], self.robot.samples)])
         upper = np.concatenate([self.rows.upper, np.tile(boxes[:, 1], self.robot.samples)])
-        return Nlp(self._variables(guess), lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
+        return Nlp(variables, lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
 
     def _sharpen(self, step: int, x: np.ndarray) -> np.ndarray:
         mean = max(self.energy(x) / self.basis.period, SMALLEST_POWER)
@@ -178,7 +188,10 @@ class FlatNlp:
         result = []
         for j, name in enumerate(actuation.flat_outputs):
             column = coefficients[:, j]
-            scale = self.problem.span[j] if j < self.robot.delta else max(float(np.ptp(column)), 1e-6)
+            if j < self.robot.delta:
+                scale = PATH_SCALE * self.problem.span[j]
+            else:
+                scale = FREE_SCALE * max(float(np.ptp(column)), SMALLEST_SPREAD)
             result.append(Variable(name, -free, free, np.full(self.basis.size, scale), column))
         for j, (low, high) in enumerate(np.log(self.problem.stiffness_range)):
             name = f"ln c {actuation.labels[actuation.elastic[j]]}"

@@ -12,7 +12,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Variable:
-    """One decision variable of an NLP: its entries in physical units."""
+    """One decision variable of an NLP: its entries in physical units, and the typical size of their changes."""
 
     name: str
     lower: np.ndarray
@@ -27,10 +27,10 @@ class Nlp:
 
     Attributes
     ----------
-    oracle : Function (x, p) -> (f, g).
-    derivatives : the Functions `grad_f`, `jac_g` and `hess_lag` where they are put together by hand, else empty.
+    oracle : Function (x, p) -> (f, g) of the variables divided by their scales.
+    derivatives : likewise `grad_f`, `jac_g` and `hess_lag`, where they are put together by hand, else empty.
     steps : how often it is solved, each time warm-started from the last.
-    parameter : (step, x) -> p of that step, given the x found so far.
+    parameter : (step, x) -> p of that step, given the x found so far, in physical units.
     keep : what must outlive the solve (the owner of callback Functions).
     """
 

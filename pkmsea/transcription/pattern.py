@@ -34,6 +34,11 @@ class Pattern:
         self._order = np.lexsort((all_rows, all_columns))
         self.jacobian = _sparsity(self.rows, self._size, all_rows[self._order], all_columns[self._order])
 
+    def scales(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Factors of the nonzeros of Jacobian and Hessian where each variable is divided by its scale."""
+        row, column = (np.array(x) for x in self.hessian.get_triplet())
+        return scale[np.array(self.jacobian.get_triplet()[1])], scale[row] * scale[column]
+
     def gather(self, weights: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """sum over samples and signals of weights * slope, scattered to x."""
         own = weights[self._own]

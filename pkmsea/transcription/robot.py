@@ -7,6 +7,7 @@ order 8 on the periodic grid, which is several times finer than the flat output 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,11 @@ from scipy import sparse
 from pkmsea.actuation import Actuation
 from pkmsea.actuation.equations import stage_functions
 from pkmsea.errors import Unreachable
+from pkmsea.mechanism import pose
 from pkmsea.transcription.bases import Basis, derivative_weights
 from pkmsea.transcription.batch import Batch, close_poses, poses_along
 from pkmsea.transcription.cells import make_cells
-from pkmsea.transcription.compiled import compile_functions
+from pkmsea.transcription.compiled import kernels
 
 HALF_WIDTH = 4  # of the difference stencils: order 8
 BISECTIONS = 6  # of the way from the last trajectory to a new one, where Newton does not reach it at once
@@ -26,26 +28,24 @@ BISECTIONS = 6  # of the way from the last trajectory to a new one, where Newton
 
 @dataclass
 class State:
-    """Everything at one x, with derivatives as far as they have been asked for."""
+    """Everything at one x; the slope of the differentiated signals per cell, once it has been asked for."""
 
     x: np.ndarray
     q: np.ndarray
     xi: np.ndarray
     w: np.ndarray
     signals: np.ndarray
-    slope: np.ndarray | None = None  # dsignals/dx per cell
-    inner: np.ndarray | None = None  # dxi/dw
-    s_xi: np.ndarray | None = None
-    R_xi: np.ndarray | None = None
+    slope: np.ndarray | None = None
 
 
 class RobotOnGrid:
     """Signals at all samples from x = (coefficients of each flat output, theta of each elastic drive).
 
-    Signals, in order: tau_i and motor speed of each drive, then q, v, a of all joints (2m + 3n).
+    Signals, in order: tau_i and motor speed of each drive, then q, v, a of all joints (2m + 3n). Those of the drives,
+    and the `limited` ones of the joints, are differentiated; `differentiated` are their columns.
     """
 
-    def __init__(self, actuation: Actuation, basis: Basis, samples: int) -> None:
+    def __init__(self, actuation: Actuation, basis: Basis, samples: int, limited: Sequence[int] = ()) -> None:
         self.actuation, self.basis, self.samples = actuation, basis, samples
         mechanism = actuation.mechanism
         self.delta, self.m, self.n = mechanism.mobility, actuation.m, mechanism.model.nq
@@ -54,10 +54,11 @@ class RobotOnGrid:
         self.t = np.arange(samples) * basis.period / samples
         self.cells = make_cells(basis, samples, HALF_WIDTH)
         self.r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
-        stage = stage_functions(actuation)
-        functions = (stage.closed_pose, stage.unknowns, stage.outputs, stage.first, stage.second)
-        self._closed, self._unknowns, self._out, self._first, self._second = (
-            Batch(function, samples, ("Psi", "xi", "s")) for function in compile_functions(functions)
+        self.differentiated = [*range(2 * self.m), *limited]
+        stage = stage_functions(actuation.shape, tuple(limited))
+        functions = (pose.pose_step(mechanism), stage.unknowns, stage.slope, stage.curvature)
+        self._pose_step, self._unknowns, self._slope, self._curvature = (
+            Batch(function, samples, kernel) for function, kernel in zip(functions, kernels(functions), strict=True)
         )
         self._bases = [sparse.csr_matrix(basis.matrix(self.t, d)) for d in range(3)]
         step = basis.period / samples
@@ -88,7 +89,7 @@ class RobotOnGrid:
         """Find the poses along a first trajectory; those of the following ones are found from the last."""
         targets = self.jets(x)[:, : self.delta]
         try:
-            poses = poses_along(self.actuation.mechanism, self._closed, targets)
+            poses = poses_along(self.actuation.mechanism, self._pose_step, targets)
         except Unreachable as error:
             raise FloatingPointError("the first trajectory leaves the workspace") from error
         self._last = x.copy(), poses
@@ -103,8 +104,8 @@ class RobotOnGrid:
         """
         w = self.jets(x)
         q = self._poses(x, w)
-        xi, load_map = self._unknowns(q, w, self.r)
-        signs = np.sign(np.linalg.det(self._closed(q)[1])), np.sign(np.linalg.det(load_map))
+        xi, s, A, L = self._unknowns(q, w, self.r)
+        signs = tuple(np.sign(np.linalg.det(x.reshape(self.samples, self.n, self.n))) for x in (A, L))
         if self._signs is None:
             self._signs = float(signs[0][0]), float(signs[1][0])
         if any(np.any(found != kept) for found, kept in zip(signs, self._signs, strict=True)):
@@ -112,33 +113,20 @@ class RobotOnGrid:
         if not np.all(np.isfinite(xi)):
             raise FloatingPointError("the trajectory touches a singularity")
         self._last = x.copy(), q
-        xi = xi.copy()
-        return State(x.copy(), q, xi, w, self._time(self._out(xi, w, self.r)[0]))
+        return State(x.copy(), q, xi.copy(), w, self._time(s))
 
     def differentiate(self, state: State) -> np.ndarray:
-        """dsignals/dx of each cell's own samples, (cells, r, signals, local variables)."""
+        """ds/dx of the differentiated signals at each cell's own samples, (cells, r, signals, local variables)."""
         if state.slope is None:
-            R_xi, R_w, s_xi, s_w = (x.copy() for x in self._first(state.xi, state.w, self.r))
-            state.R_xi, state.s_xi = R_xi, s_xi
-            state.inner = -np.linalg.solve(R_xi, R_w)
-            s_total = s_w + s_xi @ state.inner
-            spread = s_total[self.cells.samples] @ self._expand  # (cells, r + 2h, signals, local)
-            state.slope = self._time_local(spread)
+            S = self._slope(state.xi, state.w, self.r)[0]
+            state.slope = self._time_local(S[self.cells.samples] @ self._expand)
         return state.slope
 
     def curvature(self, state: State, weights: np.ndarray) -> np.ndarray:
-        """Hessian of sum(weights * signals) per cell, (cells, local, local), all but the linear map's share."""
-        self.differentiate(state)
-        assert state.inner is not None and state.s_xi is not None and state.R_xi is not None
-        mu = self._time_transposed(weights)
-        nu = -np.linalg.solve(state.R_xi.transpose(0, 2, 1), (state.s_xi.transpose(0, 2, 1) @ mu[:, :, None]))[..., 0]
-        W = self._second(state.xi, state.w, self.r, mu, nu)[0]
-        count = state.xi.shape[1]
-        cross = W[:, count:, :count] @ state.inner
-        reduced = state.inner.transpose(0, 2, 1) @ (W[:, :count, :count] @ state.inner)
-        reduced += cross + cross.transpose(0, 2, 1) + W[:, count:, count:]
+        """Hessian of sum(weights * differentiated signals) per cell, (cells, local, local)."""
+        W = self._curvature(state.xi, state.w, self.r, self._time_transposed(weights))[0]
         own = self._expand[self.cells.halo : self._expand.shape[0] - self.cells.halo]
-        right = reduced[self.cells.own] @ own
+        right = W[self.cells.own] @ own
         left = own.reshape(-1, own.shape[-1])
         result: np.ndarray = left.T @ right.reshape(right.shape[0], -1, right.shape[-1])
         return result
@@ -146,7 +134,8 @@ class RobotOnGrid:
     def drive_jacobian(self, q: np.ndarray) -> np.ndarray:
         """N_A at all samples, (samples, m, delta): v_A = N_A dr_E/dt."""
         select = np.broadcast_to(np.eye(self.n)[:, self.n - self.delta :], (q.shape[0], self.n, self.delta))
-        N = np.linalg.solve(self._closed(q)[1], select)
+        A = np.array(pose.task_system(self.actuation.mechanism).map(self.samples)(q.T)[1])
+        N = np.linalg.solve(A.reshape(self.n, self.samples, self.n).transpose(1, 0, 2), select)
         return np.asarray(N[:, self.actuation.mechanism.actuated])
 
     def _poses(self, x: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -156,7 +145,7 @@ class RobotOnGrid:
         w_from, done, step = self.jets(x_from), 0.0, 1.0
         for _ in range(2**BISECTIONS):
             target = w_from + (done + step) * (w - w_from)
-            found = close_poses(self._closed, q, target[:, : self.delta])
+            found = close_poses(self._pose_step, q, target[:, : self.delta])
             if found is None:
                 step /= 2
                 if step < 2.0**-BISECTIONS:

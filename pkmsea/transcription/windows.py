@@ -11,8 +11,8 @@ from pkmsea.problem import Problem
 from pkmsea.task import Window
 from pkmsea.transcription.bases import Basis
 
-MARGIN = 1e-3  # of a window or limit, left for what happens between two samples
-PER_GRID_STEP = 4  # window samples per step of the grid
+MARGIN = 3e-3  # of a window or limit, left for what happens between two samples
+PER_GRID_STEP = 2  # window samples per step of the grid
 FEWEST = 9
 
 
