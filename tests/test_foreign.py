@@ -16,7 +16,9 @@ from pkmsea.task import load_task
 
 SHARED = Path(__file__).parents[2] / "shared" / "mechanisms"  # beside the checkout, where there are any
 ROBOTS = Path(pin.__file__).parents[4] / "share" / "example-robot-data" / "robots"
+EXAMPLES = Path(__file__).parents[1] / "examples" / "mechanisms"
 FILES = {  # file, mobility, joints that a user has to lock
+    "crank": (EXAMPLES / "four_bar.urdf", 1, ""),
     "gepetto": (SHARED / "gepetto_5bar_linkage_iso3d" / "robot.urdf", 2, ""),
     "four_bar": (SHARED / "grbda_urdfplus" / "four_bar.urdf", 1, ""),
     "six_bar": (SHARED / "grbda_urdfplus" / "six_bar.urdf", 2, "locked: {joint2: 0.5}\n"),
