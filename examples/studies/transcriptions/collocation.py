@@ -12,8 +12,11 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from scheme import StageScheme, Symbols, aligned, numbers, sampled, window_box
-from stages import Layout, StageNlp, stage_functions
+from layout import Layout, stage_functions
+from nodes import aligned, sampled, window_box
+from scheme import StageScheme
+from stages import StageNlp
+from symbols import Symbols, numbers
 
 from pkmsea.problem import Problem
 from pkmsea.transcription import Motion

@@ -13,8 +13,11 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from scheme import StageScheme, Symbols, numbers, sampled
-from stages import Layout, StageNlp, stage_functions
+from layout import Layout, stage_functions
+from nodes import sampled
+from scheme import StageScheme
+from stages import StageNlp
+from symbols import Symbols, numbers
 
 from pkmsea.actuation.actuation import dependent_columns
 from pkmsea.mechanism import pose

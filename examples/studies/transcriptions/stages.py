@@ -8,40 +8,15 @@ being the Hessian of weight_k f + lambda_k^T g.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from layout import Layout, pattern
 
 from pkmsea.transcription.batch import Batch
 from pkmsea.transcription.compiled import kernels
 from pkmsea.transcription.nlp import Callback, Nlp, Variable
 from pkmsea.transcription.windows import LinearRows
-
-
-def stage_functions(w: ca.SX, p: ca.SX, f: ca.SX, g: ca.SX) -> list[ca.Function]:
-    """Values h = (f, g), their Jacobian, and the Hessian of mu^T h: (w, p[, mu]) -> h, slope or W."""
-    h = ca.densify(ca.vertcat(f, g))
-    mu = ca.SX.sym("mu", h.numel())
-    W = ca.densify(ca.hessian(ca.dot(mu, h), w)[0])
-    return [
-        ca.Function("values", [w, p], [h], ["w", "p"], ["h"]),
-        ca.Function("slopes", [w, p], [ca.cse(ca.densify(ca.jacobian(h, w)))], ["w", "p"], ["slope"]),
-        ca.Function("curvature", [w, p, mu], [ca.cse(W)], ["w", "p", "mu"], ["W"]),
-    ]
-
-
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """Where the stages find their variables in x: index (K, L), T (K, w, L); and their weights (K,) in the cost."""
-
-    index: np.ndarray
-    T: np.ndarray
-    weight: np.ndarray
-
-    def local(self, x: np.ndarray) -> np.ndarray:
-        """w of all stages, (K, w)."""
-        return (self.T @ x[self.index][:, :, None])[..., 0]
 
 
 class StageNlp:
@@ -64,10 +39,10 @@ class StageNlp:
         i, j = np.repeat(row, L), layout.index[np.nonzero(self._kept)[0]].ravel()
         if self._rows is not None:
             i, j = np.concatenate([self._rows.row, i]), np.concatenate([self._rows.col, j])
-        self.jacobian_pattern, self._jacobian_at = _pattern(i, j, self.lower.size, self.size)
+        self.jacobian_pattern, self._jacobian_at = pattern(i, j, self.lower.size, self.size)
         i, j = (np.broadcast_to(side, (K, L, L)) for side in (layout.index[:, :, None], layout.index[:, None, :]))
         self._upper = i <= j
-        self.hessian_pattern, self._hessian_at = _pattern(i[self._upper], j[self._upper], self.size, self.size)
+        self.hessian_pattern, self._hessian_at = pattern(i[self._upper], j[self._upper], self.size, self.size)
 
     def values(self, w: np.ndarray, eps: float) -> np.ndarray:
         """h = (f, g) of all stages, (K, 1 + g)."""
@@ -130,10 +105,3 @@ class StageNlp:
         }  # fmt: skip
         oracle = wrap("nlp", f, g, (self.cost, self.constraints))
         return Nlp(variables, self.lower, self.upper, oracle, steps, widths, derivatives, self)
-
-
-def _pattern(i: np.ndarray, j: np.ndarray, rows: int, columns: int) -> tuple[ca.Sparsity, np.ndarray]:
-    """Compressed columns of all entries (i, j), and the place of each among the nonzeros."""
-    keys, place = np.unique(j.astype(np.int64) * rows + i, return_inverse=True)
-    starts = np.concatenate([[0], np.cumsum(np.bincount(keys // rows, minlength=columns))])
-    return ca.Sparsity(rows, columns, starts.tolist(), (keys % rows).tolist()), place.ravel()
