@@ -67,3 +67,12 @@ def flat_map(actuation: Actuation) -> ca.Function:
         ["q", "Y", "Z", "c", "r"],
         ["q_M", "v_M", "tau", "u", "v", "a"],
     )
+
+
+@lru_cache(maxsize=16)
+def flat_map_of_columns(actuation: Actuation) -> ca.Function:
+    """`flat_map` with Y and Z as columns, derivative after derivative, so that it can be mapped over instants."""
+    exact = flat_map(actuation)
+    inputs = [ca.SX.sym(exact.name_in(i), exact.numel_in(i)) for i in range(exact.n_in())]
+    shaped = [ca.reshape(x, *exact.size_in(i)) for i, x in enumerate(inputs)]
+    return ca.Function("flat_map_of_columns", inputs, exact.call(shaped), exact.name_in(), exact.name_out())

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation import flat_map
+from pkmsea.actuation.flat_map import flat_map_of_columns
 from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Problem
 from pkmsea.transcription import Motion
 from pkmsea.transcription.batch import Batch, poses_along
+from pkmsea.transcription.compiled import kernels
 
 POINTS = 4000  # at least, per period; many more than any transcription's grid
 PER_MODE = 40  # and at least so many per highest harmonic of the basis
 PER_WINDOW = 400  # points per rest window, edges included
-GAP = 5e-3  # largest relative difference between claimed and true energy of a verified result
 BALANCE = 1e-6  # largest relative residual of the power balance
 CLOSURE = 1e-8  # largest closure residual [m]
 WINDOW_EXCESS = 1e-9  # rounding, in a window's own units [m]
@@ -32,17 +32,19 @@ class Audit:
     ----------
     energy : integral of max(P, 0) over one period, the truth [J].
     claimed : the transcription's own value [J].
-    gap : |claimed - energy| / energy; where less than IDLE of the drives' turnover is drawn, relative to that.
+    scale : what differences of energies are relative to: the energy, or IDLE of the drives' turnover if that is more.
+    gap : |claimed - energy| / scale.
     closure : largest closure residual [m].
     window : largest excess over a rest window at any instant [m]; zero or negative if kept.
     limits : relative excess per limited quantity, e.g. {"tau A": -0.4}; negative if kept.
-    balance : |integral of (tau v_M - d_v v_M^2)|, relative as the gap; zero for a periodic motion.
+    balance : |integral of (tau v_M - d_v v_M^2)|, relative likewise; zero for a periodic motion.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
     faults : what keeps the result from being verified, one sentence each.
     """
 
     energy: float
     claimed: float
+    scale: float
     gap: float
     closure: float
     window: float
@@ -89,9 +91,8 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     Z = np.stack([jet[:, delta:] for jet in jets[:3]], axis=1).reshape(count, -1)
     q = _poses(problem, jets[0][:, :delta])
     r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
-    exact = _as_columns(flat_map(actuation))
     c = np.nan_to_num(motion.stiffness, nan=1.0)
-    q_M, v_M, tau, u, v, a = (x.copy() for x in Batch(exact, count)(q, Y, Z, c, r))
+    q_M, v_M, tau, u, v, a = (x.copy() for x in _batch(flat_map_of_columns(actuation), count)(q, Y, Z, c, r))
     power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
@@ -113,7 +114,10 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     window = _window_excess(problem, motion)
     limits = {f"{b.quantity} {b.name}": _limit_excess(b, s, motion, problem) for b in problem.bounds}
     checks = [
-        (gap > GAP, f"the transcription claims {claimed:.4g} J, the dense grid gives {energy:.4g} J"),
+        (
+            gap > problem.options.energy_tolerance,
+            f"the transcription claims {claimed:.4g} J, the dense grid gives {energy:.4g} J",
+        ),
         (balance > BALANCE, f"the power balance is off by {balance:.1e}"),
         (closure > CLOSURE, f"the loops open by {closure:.1e} m"),
         (window > WINDOW_EXCESS, f"a rest window is overstepped by {window:.1e} m"),
@@ -121,7 +125,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     ]
     faults = tuple(text for failed, text in checks if failed)
     result = Audit(
-        energy, claimed, gap, closure, window, limits, balance, float(inverse.min()), float(direct.min()), faults
+        energy, claimed, scale, gap, closure, window, limits, balance, float(inverse.min()), float(direct.min()), faults
     )
     return result, s
 
@@ -135,19 +139,16 @@ def _poses(problem: Problem, targets: np.ndarray) -> np.ndarray:
     """Poses along the path, all on the same side of the inverse-kinematic singularities."""
     mechanism = problem.actuation.mechanism
     count, n = targets.shape[0], mechanism.model.nq
-    poses = poses_along(mechanism, Batch(pose.pose_step(mechanism), count), targets)
-    A = Batch(pose.task_system(mechanism), count)(poses)[1]
+    poses = poses_along(mechanism, _batch(pose.pose_step(mechanism), count), targets)
+    A = _batch(pose.task_system(mechanism), count)(poses)[1]
     signs = np.sign(np.linalg.det(A.reshape(count, n, n)))
     if np.any(signs != signs[0]):
         raise FloatingPointError("the motion crosses a singularity")
     return poses
 
 
-def _as_columns(exact: ca.Function) -> ca.Function:
-    """The flat map with its matrix inputs Y and Z as columns, derivative after derivative."""
-    inputs = [ca.SX.sym(exact.name_in(i), exact.numel_in(i)) for i in range(exact.n_in())]
-    shaped = [ca.reshape(x, *exact.size_in(i)) for i, x in enumerate(inputs)]
-    return ca.Function("flat_map", inputs, exact.call(shaped), exact.name_in(), exact.name_out())
+def _batch(function: ca.Function, count: int) -> Batch:
+    return Batch(function, count, kernels([function])[0])
 
 
 def _window_excess(problem: Problem, motion: Motion) -> float:

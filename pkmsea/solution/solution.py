@@ -11,20 +11,9 @@ import numpy as np
 from pkmsea.errors import SolveError
 from pkmsea.problem import Problem
 from pkmsea.solution.audit import Audit, Series, audit
+from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Start
 from pkmsea.transcription import Motion
-
-
-@dataclass(frozen=True)
-class Mesh:
-    """One mesh of the refinement, and what it claimed against the truth [J]."""
-
-    size: int
-    samples: int
-    claimed: float
-    energy: float
-    iterations: int
-    seconds: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +70,22 @@ class Solution:
         return self.problem.setup.name
 
     @property
+    def faults(self) -> tuple[str, ...]:
+        """What keeps the result from being verified: the audit's faults, and meshes that do not agree."""
+        audit, options = self.audit(), self.problem.options
+        if options.transcription == "paper" or agree(self.meshes, audit.scale, options.energy_tolerance):
+            return audit.faults
+        energies = ", ".join("unsolved" if mesh.energy is None else f"{mesh.energy:.4g} J" for mesh in self.meshes)
+        return *audit.faults, f"no two successive meshes agree ({energies})"
+
+    @property
+    def verified(self) -> bool:
+        return not self.faults
+
+    @property
     def status(self) -> str:
         """'verified', or why not."""
-        faults = self.audit().faults
+        faults = self.faults
         return "not verified: " + "; ".join(faults) if faults else "verified"
 
     def save(self, path: str | Path) -> Path:

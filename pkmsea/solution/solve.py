@@ -1,4 +1,4 @@
-"""From a task to its solutions: multi-start, refinement until claimed and true energy agree, audit."""
+"""From a task to its solutions: multi-start, refinement of the best, choice of the best verified one."""
 
 from __future__ import annotations
 
@@ -7,19 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pkmsea.errors import Infeasible, NotConverged
 from pkmsea.problem import Problem, build_problem
-from pkmsea.solution.audit import GAP, Audit, audit
-from pkmsea.solution.solution import Mesh, Solution
+from pkmsea.solution.refine import refine, unrefined
+from pkmsea.solution.solution import Solution
 from pkmsea.solver import Outcome, Start, multistart
-from pkmsea.solver.multistart import Progress, distinct, improve
+from pkmsea.solver.multistart import Progress, collect, distinct, spread
 from pkmsea.task import Task, load_task
-from pkmsea.transcription import Motion, Transcription, transcribe
+from pkmsea.transcription import transcribe
 
-AUDITED = 4  # best distinct optima that are audited, so that a verified one can be chosen
-MESHES = 4  # at most, each twice as fine as the one before
+REFINED = 4  # best distinct optima that are refined, so that a verified one can be chosen
+NEAR = 0.05  # of the best, relative: those farther away are not refined
 
 
 def solve(
@@ -43,15 +41,20 @@ def solve(
     transcription = transcribe(problem)
     starts, interrupted = multistart(transcription, workers, progress)
     finished = [start for start in starts if start.finished]
-    candidates = distinct(finished or starts)[:AUDITED]
+    candidates = _promising(distinct(finished or starts))
     if not candidates and interrupted:
         raise KeyboardInterrupt
     if not candidates:
         raise _nothing_found(problem, starts)
-    best = min(candidates, key=lambda start: _rank(problem, transcription, start))
-    motion, claimed, meshes = _refine(problem, transcription, best)
+    step = unrefined if interrupted else refine
+    found, again = collect(spread(transcription, workers, [(step, start) for start in candidates]))
+    if again:
+        found, interrupted = [unrefined(transcription, start) for start in candidates], True
+    best = min((x for x in found if x is not None), key=lambda x: x.rank, default=None)
+    if best is None:
+        raise _unusable(problem)
     seconds = time.perf_counter() - begin
-    return Solution(problem, motion, claimed, tuple(starts), tuple(meshes), seconds, interrupted)
+    return Solution(problem, best.motion, best.audit.claimed, tuple(starts), best.meshes, seconds, interrupted)
 
 
 def solve_all(task: Task | str | Path, *, workers: int | None = None) -> list[Solution]:
@@ -60,48 +63,18 @@ def solve_all(task: Task | str | Path, *, workers: int | None = None) -> list[So
     return [solve(task, setup.name, workers=workers) for setup in task.setups]
 
 
-def _rank(problem: Problem, transcription: Transcription, start: Start) -> tuple[bool, float]:
-    """Verified or refinable ones first, then by true energy."""
-    assert start.x is not None
-    try:
-        result, _ = audit(problem, transcription.motion(start.x), start.energy)
-    except FloatingPointError:
-        return True, np.inf
-    return result.gap > 10 * GAP or result.window > 0, result.energy
+def _promising(optima: list[Start]) -> list[Start]:
+    """The best few, which a finer mesh may bring into another order."""
+    return [start for start in optima if start.energy <= (1 + NEAR) * optima[0].energy][:REFINED]
 
 
-def _refine(problem: Problem, transcription: Transcription, best: Start) -> tuple[Motion, float, list[Mesh]]:
-    """Solve on finer meshes until the audit finds no fault; the first mesh is the multi-start's."""
-    assert best.x is not None
-    motion, claimed = transcription.motion(best.x), best.energy
-    try:
-        result = audit(problem, motion, claimed)[0]
-    except FloatingPointError as error:
-        raise NotConverged(
-            f"Every optimum that was found is unusable: {error} between the grid points.",
-            "Raise options.starts, or options.samples for a finer grid.",
-            file=problem.task.file,
-            key=f"setup '{problem.setup.name}'",
-        ) from error
-    meshes = [_mesh(motion, transcription, result, best)]
-    finer = transcription.refined()
-    while finer is not None and not result.verified and len(meshes) < MESHES:
-        found = improve(finer, best.index, finer.transfer(motion), final=True, first=1)
-        if found.x is None or not found.usable:
-            break
-        try:
-            finer_result = audit(problem, finer.motion(found.x), found.energy)[0]
-        except FloatingPointError:
-            break
-        motion, claimed, result = finer.motion(found.x), found.energy, finer_result
-        meshes.append(_mesh(motion, finer, result, found))
-        finer = finer.refined()
-    return motion, claimed, meshes
-
-
-def _mesh(motion: Motion, transcription: Transcription, result: Audit, start: Start) -> Mesh:
-    size, samples = motion.basis.size, transcription.samples
-    return Mesh(size, samples, result.claimed, result.energy, start.iterations, start.seconds)
+def _unusable(problem: Problem) -> NotConverged:
+    return NotConverged(
+        "Every optimum that was found is unusable: between the grid points the motion leaves the workspace or crosses "
+        "a singularity.",
+        "Raise options.starts, or options.samples for a finer grid.",
+        file=problem.task.file, key=f"setup '{problem.setup.name}'",
+    )  # fmt: skip
 
 
 def _nothing_found(problem: Problem, starts: Sequence[Start]) -> Infeasible | NotConverged:

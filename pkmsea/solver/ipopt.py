@@ -74,8 +74,11 @@ class Point:
         return self.violation <= FEASIBLE and bool(np.all(np.isfinite(self.x)))
 
 
-def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
-    """Solve an NLP, step by step of its parameter; each step starts from the last point and its multipliers."""
+def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool = False) -> Point:
+    """Solve an NLP, step by step of its parameter; each step starts from the last point and its multipliers.
+
+    `warm` says that the guess is nearly optimal and must not be pushed away from its bounds.
+    """
     begin = time.perf_counter()
     x, scale = nlp.stacked("guess"), nlp.stacked("scale")
     lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
@@ -87,7 +90,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None) -> Point:
         if left <= 0:
             outcome = Outcome.TIME
             break
-        solver = _solver(nlp, options, left, warm=bool(multipliers))
+        solver = _solver(nlp, options, left, warm=warm or bool(multipliers))
         p = nlp.parameter(step, x)
         bounds = {"lbx": lower / scale, "ubx": upper / scale, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
         with _quiet():

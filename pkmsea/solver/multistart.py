@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -18,12 +18,13 @@ from pkmsea.solver.ipopt import Outcome, solve_nlp
 from pkmsea.task import Task
 from pkmsea.transcription import Transcription, transcribe
 
-SCREENING_STEPS = 2  # of the sharpening, before the best starts go on
-SCREENING_ITERATIONS = 120  # per step: most starts need 20 to 80, and those that need more end badly
+SCREENING, SHARPENING, LAST = slice(0, 2), slice(2, None), slice(-1, None)  # of an NLP's steps
+CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that need more end badly
 FINISHED = 4  # starts at least that go on
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace
 
 Progress = Callable[["Start"], None]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class Start:
 
 
 def run_start(transcription: Transcription, index: int) -> Start:
-    """Screen the start of this index: solve up to SCREENING_STEPS, and cut off what goes astray."""
+    """Screen the start of this index: solve the first steps, and cut off what goes astray."""
     begin = time.perf_counter()
     options = transcription.problem.options
     x = None
@@ -69,24 +70,33 @@ def run_start(transcription: Transcription, index: int) -> Start:
             continue
     if x is None:
         return Start(index, Outcome.UNREACHABLE, None, np.inf, (), 0, time.perf_counter() - begin)
-    return improve(transcription, index, x, begin, final=False)
+    return improve(transcription, index, x, SCREENING, begin=begin)
 
 
 def improve(
-    transcription: Transcription, index: int, x: np.ndarray, begin: float | None = None, *, final: bool, first: int = 0
+    transcription: Transcription,
+    index: int,
+    x: np.ndarray,
+    steps: slice,
+    *,
+    limited: bool = False,
+    warm: bool = False,
+    begin: float | None = None,
 ) -> Start:
-    """Solve from x: first without the limits of drives and joints, again with them where they are overstepped."""
+    """Solve some steps from x: without the limits of drives and joints unless `limited`, then with them if needed.
+
+    `warm` is for an x that is nearly optimal; otherwise, what takes many iterations is cut off.
+    """
     begin = time.perf_counter() if begin is None else begin
-    options, limited, iterations = transcription.problem.options, False, 0
+    options, iterations = transcription.problem.options, 0
     left = max(options.time_limit - (time.perf_counter() - begin), 0.0)
     options = options.model_copy(update={"time_limit": left})
-    if not final and transcription.quick:
-        options = options.model_copy(update={"iterations": min(options.iterations, SCREENING_ITERATIONS)})
+    if not warm and transcription.quick:
+        options = options.model_copy(update={"iterations": min(options.iterations, CUT_OFF)})
     while True:
         try:
             nlp = transcription.nlp(x, limited)
-            steps = range(min(first, nlp.steps - 1), nlp.steps if final else min(SCREENING_STEPS, nlp.steps))
-            point = solve_nlp(nlp, options, steps)
+            point = solve_nlp(nlp, options, range(nlp.steps)[steps] or range(nlp.steps)[LAST], warm)
             iterations += sum(point.iterations)
             energy = transcription.energy(point.x) if point.usable else np.inf
             kept = limited or not point.usable or transcription.within_limits(point.x)
@@ -109,10 +119,10 @@ def multistart(
     An interrupt (Ctrl-C) ends the search early; what has been found is returned, and True with it.
     """
     count = transcription.problem.options.starts
-    screening = _spread(transcription, workers, [(run_start, index) for index in range(count)])
-    done, interrupted = _collect(screening, progress)
+    screening = spread(transcription, workers, [(run_start, index) for index in range(count)])
+    done, interrupted = collect(screening, progress)
     best = distinct(done)[: max(FINISHED, count // 6)]
-    sharpened, again = _collect(_spread(transcription, workers, [(finish, s) for s in best]), None)
+    sharpened, again = collect(spread(transcription, workers, [(finish, s) for s in best]))
     finished = {s.index: s for s in sharpened}
     return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index), interrupted or again
 
@@ -135,29 +145,27 @@ def finish(transcription: Transcription, start: Start) -> Start:
     """Sharpen a screened start to the end; the better of the two is kept."""
     assert start.x is not None
     begin = time.perf_counter() - start.seconds
-    final = improve(transcription, start.index, start.x, begin, final=True, first=SCREENING_STEPS)
+    final = improve(transcription, start.index, start.x, SHARPENING, limited=start.limited, warm=True, begin=begin)
     iterations = start.iterations + final.iterations
     if not final.usable or final.energy > start.energy:
         return replace(start, finished=True, iterations=iterations, seconds=final.seconds)
     return replace(final, finished=True, iterations=iterations)
 
 
-def _collect(starts: Iterator[Start], progress: Progress | None) -> tuple[list[Start], bool]:
+def collect(results: Iterator[T], progress: Callable[[T], None] | None = None) -> tuple[list[T], bool]:
     """All that finish before an interrupt, and whether there was one."""
     done = []
     try:
-        for start in starts:
+        for result in results:
             if progress is not None:
-                progress(start)
-            done.append(start)
+                progress(result)
+            done.append(result)
     except KeyboardInterrupt:
         return done, True
     return done, False
 
 
-def _spread(
-    transcription: Transcription, workers: int | None, calls: list[tuple[Callable[..., Start], Any]]
-) -> Iterator[Start]:
+def spread(transcription: Transcription, workers: int | None, calls: list[tuple[Callable[..., T], Any]]) -> Iterator[T]:
     """Run calls (function, argument) on a transcription here, or on several processes that each build their own."""
     jobs = min(workers or available_cores(), len(calls))
     if jobs <= 1:
@@ -165,7 +173,7 @@ def _spread(
     task, setup = transcription.problem.task, transcription.problem.setup.name
     key = (task.model_dump_json(), str(task.file) if task.file else None, setup)
     pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
-    result: Iterator[Start] = pool(delayed(_remote)(key, function, argument) for function, argument in calls)
+    result: Iterator[T] = pool(delayed(_remote)(key, function, argument) for function, argument in calls)
     return result
 
 
@@ -174,7 +182,7 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _remote(key: tuple[str, str | None, str], function: Callable[..., Start], argument: Any) -> Start:
+def _remote(key: tuple[str, str | None, str], function: Callable[..., T], argument: Any) -> T:
     return function(_cached(*key), argument)
 
 

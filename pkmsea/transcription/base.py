@@ -14,9 +14,11 @@ from pkmsea.transcription.nlp import Nlp
 class Transcription(ABC):
     """A problem made finite.
 
-    `samples` is the number of its grid points; `quick` says that a start which takes many iterations may be cut off.
+    `size` is the number of coefficients per entry of the flat output, `samples` the number of grid points; `quick` says
+    that a start which takes many iterations may be cut off.
     """
 
+    size: int
     samples: int
     quick: bool = True
 

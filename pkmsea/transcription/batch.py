@@ -57,7 +57,7 @@ class Batch:
 NEWTON_STEP = 0.5  # largest step of a joint [rad, m]; a longer one may leave the branch
 NEWTON_NEAR = 1e-8  # [m]; one more step squares it, down to rounding
 NEWTON_ITERATIONS = 12
-STRIDES = (8, 1)  # of the continuation along a path; the second one where points lie far apart
+FOLLOWED = (64, 512)  # points of the continuation along a path; more where they lie too far apart; at last, all
 
 
 def close_poses(pose_step: Batch, q: np.ndarray, targets: np.ndarray) -> np.ndarray | None:
@@ -76,21 +76,31 @@ def close_poses(pose_step: Batch, q: np.ndarray, targets: np.ndarray) -> np.ndar
 
 
 def poses_along(mechanism: Mechanism, pose_step: Batch, targets: np.ndarray) -> np.ndarray:
-    """Poses (k, n) along a path of the end effector: continuation from the seed in strides, then Newton for all.
+    """Poses (k, n) along a closed path of the end effector: continuation in strides, then Newton for all at once.
 
     Raises
     ------
     FloatingPointError, Unreachable : the path leaves the workspace.
     """
     single = pose.task_system(mechanism)
-    for stride in STRIDES:
+    count = targets.shape[0]
+    for stride in (*(max(count // points, 1) for points in FOLLOWED), 1):
         q = mechanism.configuration(targets[0])
         strided = []
         for target in targets[::stride]:
             following = pose.newton(single, q, target)
             q = mechanism.configuration(target) if following is None else following
             strided.append(q)
-        poses = close_poses(pose_step, np.repeat(strided, stride, axis=0)[: targets.shape[0]], targets)
+        poses = close_poses(pose_step, _between(np.array(strided), stride, count), targets)
         if poses is not None:
             return poses
     raise FloatingPointError("the path leaves the workspace")
+
+
+def _between(strided: np.ndarray, stride: int, count: int) -> np.ndarray:
+    """Linear interpolation of every `stride`-th pose on a periodic grid of `count` points."""
+    following = np.roll(strided, -1, axis=0)
+    last = count - (strided.shape[0] - 1) * stride  # grid steps from the last followed pose to the first
+    share = np.arange(stride) / np.array([stride] * (strided.shape[0] - 1) + [last])[:, None]
+    filled = strided[:, None] + share[:, :, None] * (following - strided)[:, None]
+    return np.asarray(filled.reshape(-1, strided.shape[1])[:count])

@@ -26,6 +26,7 @@ class FlatTranscription(Transcription):
     def __init__(self, problem: Problem, trajectory: Fourier | Spline, samples: int | None) -> None:
         super().__init__(problem)
         self.trajectory, self.basis = trajectory, make_basis(trajectory, problem.cycle.period)
+        self.size = self.basis.size
         wanted = samples or max(FEWEST_SAMPLES, 2 * PER_KNOT * self.basis.modes)
         pieces = trajectory.knots if isinstance(trajectory, Spline) else 1
         self.samples = pieces * math.ceil(wanted / pieces)

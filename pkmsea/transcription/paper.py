@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation import flat_map
+from pkmsea.actuation.flat_map import flat_map_of_columns
 from pkmsea.mechanism import pose
 from pkmsea.problem import Problem
 from pkmsea.task import Chain
@@ -61,6 +61,7 @@ class PaperTranscription(Transcription):
             if isinstance(options.trajectory, Chain)
             else make_basis(options.trajectory, period)
         )
+        self.size = self.basis.size
         self.t = np.arange(self.samples) * period / self.samples
         self.robot = RobotOnGrid(problem.actuation, self.basis, self.samples)
         self.delta, self.m = self.robot.delta, self.robot.m
@@ -142,10 +143,9 @@ class PaperTranscription(Transcription):
     def _flat_torque(self) -> ca.Function:
         """(q, Y, Z, c) -> tau, v_M, v, a with Y and Z as columns and the drives' numbers in place."""
         actuation = self.problem.actuation
-        exact = flat_map(actuation)
+        exact = flat_map_of_columns(actuation)
         q, Y, Z, c = (ca.SX.sym(name, exact.numel_in(i)) for i, name in enumerate(("q", "Y", "Z", "c")))
-        r = ca.DM(self.robot.r)
-        out = exact(q, ca.reshape(Y, *exact.size_in(1)), ca.reshape(Z, *exact.size_in(2)), c, r)
+        out = exact(q, Y, Z, c, ca.DM(self.robot.r))
         return ca.Function("flat_torque", [q, Y, Z, c], [out[2], out[1], out[4], out[5]])
 
     def _window_rows(self, rows: _Rows, Y: ca.MX) -> None:

@@ -157,4 +157,4 @@ def save_figure(figure: Figure, path: Path) -> Path:
 
 
 def _label(solution: Solution) -> str:
-    return solution.name if solution.audit().verified else f"{solution.name} (not verified)"
+    return solution.name if solution.verified else f"{solution.name} (not verified)"

@@ -72,7 +72,7 @@ def solution_record(solution: Solution, reference: float | None) -> dict[str, An
         "ratio": None if reference is None else solution.energy / reference,
         "stiffness": [float(c) for c in solution.stiffness],
         "status": solution.status,
-        "verified": audit.verified,
+        "verified": solution.verified,
         "gap": audit.gap,
         "power_balance": audit.balance,
         "closure": audit.closure,
@@ -84,7 +84,7 @@ def solution_record(solution: Solution, reference: float | None) -> dict[str, An
 
 def print_solutions(solutions: Sequence[Solution], reference: float | None) -> None:
     """Setups side by side; the first one is the reference, and what is not verified comes last."""
-    ordered = sorted(solutions, key=lambda s: not s.audit().verified)
+    ordered = sorted(solutions, key=lambda s: not s.verified)
     table = Table(title=solutions[0].problem.task.name, box=box.SIMPLE_HEAD)
     for name, justify in (
         ("setup", "left"), ("E true [J]", "right"), ("E claimed [J]", "right"), ("relative", "right"),

@@ -1,0 +1,99 @@
+"""Refinement: an optimum on finer and finer meshes, until claimed and true energy and two successive meshes agree."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pkmsea.solution.audit import Audit, audit
+from pkmsea.solver import Outcome, Start
+from pkmsea.solver.multistart import SHARPENING, improve
+from pkmsea.transcription import Motion, Transcription
+
+MESHES = 5  # at most, each twice as fine as the one before
+SOFTER = slice(1, None)  # steps of the second try, where sharpening at once fails
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """One mesh of the refinement, and what it claimed against the truth [J]; None where it could not be solved.
+
+    `size` is the number of coefficients per entry of the flat output.
+    """
+
+    size: int
+    samples: int
+    claimed: float | None
+    energy: float | None
+    iterations: int
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """An optimum on its finest mesh, its audit there, and all its meshes."""
+
+    motion: Motion
+    audit: Audit
+    meshes: tuple[Mesh, ...]
+    tolerance: float
+
+    @property
+    def verified(self) -> bool:
+        return self.audit.verified and agree(self.meshes, self.audit.scale, self.tolerance)
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Verified ones first, then by true energy."""
+        return not self.verified, self.audit.energy
+
+
+def agree(meshes: Sequence[Mesh], scale: float, tolerance: float) -> bool:
+    """Whether the true energies of the last two meshes differ by no more than tolerance * scale."""
+    if len(meshes) < 2:
+        return False
+    before, last = (mesh.energy for mesh in meshes[-2:])
+    return before is not None and last is not None and abs(last - before) <= tolerance * scale
+
+
+def unrefined(transcription: Transcription, start: Start) -> Refined | None:
+    """A start as it is; None where its motion cannot be followed between the grid points."""
+    assert start.x is not None
+    problem, motion = transcription.problem, transcription.motion(start.x)
+    try:
+        found = audit(problem, motion, start.energy)[0]
+    except FloatingPointError:
+        return None
+    mesh = Mesh(transcription.size, transcription.samples, start.energy, found.energy, start.iterations, start.seconds)
+    return Refined(motion, found, (mesh,), problem.options.energy_tolerance)
+
+
+def refine(transcription: Transcription, start: Start) -> Refined | None:
+    """Solve on meshes twice as fine each, every one from the last, until the result is verified.
+
+    None where the start's motion cannot be followed between the grid points. A mesh that cannot be solved ends the
+    refinement; what the mesh before it gave is kept.
+    """
+    end = time.perf_counter() + transcription.problem.options.time_limit
+    found = unrefined(transcription, start)
+    finer = transcription.refined()
+    while found is not None and finer is not None and not found.verified and len(found.meshes) < MESHES:
+        solved = _solve_from(finer, found, start) if time.perf_counter() < end else None
+        if solved is None:
+            failed = Mesh(finer.size, finer.samples, None, None, 0, 0.0)
+            return Refined(found.motion, found.audit, (*found.meshes, failed), found.tolerance)
+        found = Refined(solved.motion, solved.audit, (*found.meshes, *solved.meshes), found.tolerance)
+        finer = finer.refined()
+    return found
+
+
+def _solve_from(finer: Transcription, found: Refined, start: Start) -> Refined | None:
+    """The optimum on a finer mesh that is no worse than the motion it starts from, which the mesh contains."""
+    x = finer.transfer(found.motion)
+    enough = found.audit.energy + found.tolerance * found.audit.scale
+    for steps in (SHARPENING, SOFTER):
+        solved = improve(finer, start.index, x, steps, limited=start.limited, warm=True)
+        if solved.usable and (solved.outcome is Outcome.OPTIMAL or solved.energy <= enough):
+            return unrefined(finer, solved)
+    return None
