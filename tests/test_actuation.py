@@ -106,9 +106,9 @@ def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism
     c = np.where([d.elastic for d in robot.drives], 0.3, 1.0)
     r = np.concatenate([robot.numbers("inertia"), robot.numbers("friction")])
     w = np.concatenate([Y[:, :3].T.ravel(), Z[:, 0], np.log(c)])
-    stage = stage_functions(robot)
+    stage = stage_functions(robot.shape)
     s = np.array(stage.unknowns(q, w, r)[1]).ravel()
-    exact = flat_map(robot)(q, Y, Z, c, r)
+    exact = flat_map(robot.shape)(q, Y, Z, c, r)
     q_M, _, tau, u, v, a = (np.array(x).ravel() for x in exact)
     for i, drive in enumerate(robot.drives):
         expected = (q_M[i], u[i]) if drive.elastic else (tau[i], v[robot.mechanism.actuated[i]])
@@ -120,7 +120,7 @@ def test_the_equations_hold_and_their_derivatives_are_exact(mechanisms: dict[str
     """The residual at the solved unknowns, and total derivatives against central differences along the equations."""
     robot = actuation(mechanisms["pkm_3rrr"], [ELASTIC] * 3)
     n, m = robot.mechanism.model.nq, robot.m
-    functions, equations = stage_functions(robot, [2 * m + n]), stage(robot)
+    functions, equations = stage_functions(robot.shape, (2 * m + n,)), stage(robot.shape)
     residual = ca.Function("R", [equations.xi, equations.w, equations.r], [equations.R])
     newton = pose.pose_step(robot.mechanism)
     rng = np.random.default_rng(2)

@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, task
 
+from pkmsea.paper import paper_task
 from pkmsea.problem import build_problem
+from pkmsea.solver.ipopt import solve_nlp
+from pkmsea.task import Spline
 from pkmsea.transcription import transcribe
 from pkmsea.transcription.bases import Basis, FourierBasis, SplineBasis, derivative_weights
+from pkmsea.transcription.default import FlatTranscription
 from pkmsea.transcription.flat import FlatNlp
 from pkmsea.transcription.guess import start
 
@@ -110,6 +114,19 @@ def test_observed_order_of_the_motor_coordinates() -> None:
         finest = tau if finest is None else finest
         errors.append(np.abs(tau - finest).max())
     assert np.log2(errors[1] / errors[2]) > 7.0
+
+
+def test_observed_order_of_the_optimal_energy() -> None:
+    """The least energy converges with order 3 in the knots, as smooth as the optimum is; more than 2 must be seen."""
+    problem = build_problem(paper_task(3, {"copper_loss": 63.2, "friction": 4.8e-3}), "PKM SEA")
+    energies = []
+    for knots in (25, 50, 100, 200):
+        transcription = FlatTranscription(problem, Spline(kind="spline", knots=knots), 4 * knots)
+        point = solve_nlp(transcription.nlp(transcription.start(None), limited=False), problem.options)
+        energies.append(transcription.energy(point.x))
+    errors = np.array(energies[:-1]) - energies[-1]
+    assert np.all(np.log2(errors[:-1] / errors[1:]) > 2.0)
+    assert errors[1] < 1e-3 * energies[-1]  # the default size
 
 
 def test_random_starts_are_reproducible_and_differ() -> None:

@@ -17,6 +17,28 @@ from pkmsea.mechanism import Mechanism, pose
 RIGID_PENALTY = 0.1
 
 
+@dataclass(frozen=True)
+class Shape:
+    """What a robot's Functions are built for; all its numbers are inputs of theirs, so that robots can share them.
+
+    `elastic` are the series elastic drives, `free` those whose coordinate belongs to the flat output.
+    """
+
+    mechanism: Mechanism
+    elastic: tuple[int, ...]
+    free: tuple[int, ...]
+
+    @property
+    def m(self) -> int:
+        """Number of drives."""
+        return len(self.mechanism.actuated)
+
+    @property
+    def dependent(self) -> list[int]:
+        """The delta drives whose forces follow from the load equation."""
+        return [i for i in range(self.m) if i not in self.free]
+
+
 @dataclass(frozen=True, eq=False)
 class Actuation:
     """A mechanism with m drives; rigid and series elastic ones may be mixed, and m may exceed the mobility delta.
@@ -77,9 +99,9 @@ class Actuation:
         return list(max(combinations(range(m), m - delta), key=score))
 
     @cached_property
-    def dependent(self) -> list[int]:
-        """The delta drives whose forces follow from the load equation."""
-        return [i for i in range(self.m) if i not in self.free]
+    def shape(self) -> Shape:
+        """This robot without its numbers."""
+        return Shape(self.mechanism, tuple(self.elastic), tuple(self.free))
 
     @cached_property
     def elastic(self) -> list[int]:
@@ -125,9 +147,9 @@ def on_joints(u: ca.SX, at: list[int], n: int) -> ca.SX:
     return result
 
 
-def dependent_columns(actuation: Actuation) -> ca.DM:
+def dependent_columns(shape: Shape) -> ca.DM:
     """Columns of S_A^T that belong to the dependent drives, (n, delta)."""
-    S = ca.DM(actuation.mechanism.model.nq, len(actuation.dependent))
-    for column, i in enumerate(actuation.dependent):
-        S[actuation.mechanism.actuated[i], column] = 1
+    S = ca.DM(shape.mechanism.model.nq, len(shape.dependent))
+    for column, i in enumerate(shape.dependent):
+        S[shape.mechanism.actuated[i], column] = 1
     return S

@@ -16,12 +16,12 @@ and the adjoints follow group by group, as expressions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 
-from pkmsea.actuation.actuation import Actuation, dependent_columns, on_joints, stack
+from pkmsea.actuation.actuation import Shape, dependent_columns, on_joints, stack
 from pkmsea.mechanism import pose
 
 
@@ -80,10 +80,10 @@ class Stage:
         return solved
 
 
-def stage(actuation: Actuation) -> Stage:
+def stage(shape: Shape) -> Stage:
     """The equations of one instant of a robot."""
-    mechanism = actuation.mechanism
-    n, delta, m = mechanism.model.nq, mechanism.mobility, actuation.m
+    mechanism = shape.mechanism
+    n, delta, m = mechanism.model.nq, mechanism.mobility, shape.m
     k = m - delta
     q, v, a = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("a", n)
     u_free, u_dependent, lam = ca.SX.sym("u_f", k), ca.SX.sym("u_d", delta), ca.SX.sym("lambda", n - delta)
@@ -91,7 +91,7 @@ def stage(actuation: Actuation) -> Stage:
     z, theta = ca.SX.sym("z", k), ca.SX.sym("theta", m)
     inertia, friction = ca.SX.sym("M_M", m), ca.SX.sym("d_v", m)
     u = ca.SX(m, 1)
-    u[actuation.free], u[actuation.dependent] = u_free, u_dependent
+    u[list(shape.free)], u[shape.dependent] = u_free, u_dependent
 
     Psi, A = pose.task_system(mechanism)(q)
     gamma = ca.jtimes(ca.mtimes(A, v), q, v)
@@ -100,9 +100,9 @@ def stage(actuation: Actuation) -> Stage:
     at = mechanism.actuated
     force = [
         ca.exp(theta[i]) * (z[j] - q[at[i]])
-        if actuation.drives[i].elastic
+        if i in shape.elastic
         else z[j] - inertia[i] * a[at[i]] - friction[i] * v[at[i]]
-        for j, i in enumerate(actuation.free)
+        for j, i in enumerate(shape.free)
     ]
     R = ca.vertcat(
         Psi - ca.vertcat(zero, y),
@@ -111,8 +111,8 @@ def stage(actuation: Actuation) -> Stage:
         u_free - stack(force),
         mechanism.tree.inverse_dynamics(q, v, a) - on_joints(u, at, n) - ca.mtimes(G.T, lam),
     )
-    s = ca.vertcat(_drive_outputs(actuation, q, v, a, u, z, theta, inertia, friction), q, v, a)
-    L = ca.horzcat(ca.SX(dependent_columns(actuation)), G.T)
+    s = ca.vertcat(_drive_outputs(shape, q, v, a, u, z, theta, inertia, friction), q, v, a)
+    L = ca.horzcat(ca.SX(dependent_columns(shape)), G.T)
     edges = (0, n, 2 * n, 3 * n, 3 * n + k, 4 * n + k)
     inverse_A = ca.inv(A)
     inverses = (inverse_A, inverse_A, inverse_A, ca.SX.eye(k), -ca.inv(L))
@@ -123,11 +123,12 @@ def stage(actuation: Actuation) -> Stage:
     return Stage(xi, w, ca.vertcat(inertia, friction), R, s, A, L, groups)
 
 
-def stage_functions(actuation: Actuation, limited: Sequence[int] = ()) -> StageFunctions:
+@lru_cache(maxsize=32)
+def stage_functions(shape: Shape, limited: tuple[int, ...] = ()) -> StageFunctions:
     """Build the Functions of one instant for a robot; `limited` are indices of s beside the drives'."""
-    e = stage(actuation)
-    q = e.xi[: actuation.mechanism.model.nq]
-    s_D = ca.vertcat(e.s[: 2 * actuation.m], *[e.s[i] for i in limited])
+    e = stage(shape)
+    q = e.xi[: shape.mechanism.model.nq]
+    s_D = ca.vertcat(e.s[: 2 * shape.m], *[e.s[i] for i in limited])
 
     # every group is linear in its own unknowns: one Newton step from zero solves it
     xi = q
@@ -161,7 +162,7 @@ def _function(
 
 
 def _drive_outputs(
-    actuation: Actuation,
+    shape: Shape,
     q: ca.SX,
     v: ca.SX,
     a: ca.SX,
@@ -173,12 +174,12 @@ def _drive_outputs(
 ) -> ca.SX:
     """(2m,): (q_M, u) of an elastic drive, (tau, v_A) of a rigid one."""
     rows: list[ca.SX] = []
-    for i, drive in enumerate(actuation.drives):
-        j = actuation.mechanism.actuated[i]
-        if not drive.elastic:
+    for i in range(shape.m):
+        j = shape.mechanism.actuated[i]
+        if i not in shape.elastic:
             rows += [u[i] + inertia[i] * a[j] + friction[i] * v[j], v[j]]
-        elif i in actuation.free:
-            rows += [z[actuation.free.index(i)], u[i]]
+        elif i in shape.free:
+            rows += [z[shape.free.index(i)], u[i]]
         else:
             rows += [q[j] + u[i] * ca.exp(-theta[i]), u[i]]
     return stack(rows)

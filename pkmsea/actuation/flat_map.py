@@ -6,12 +6,12 @@ from functools import lru_cache
 
 import casadi as ca
 
-from pkmsea.actuation.actuation import Actuation, dependent_columns, on_joints, stack
+from pkmsea.actuation.actuation import Shape, dependent_columns, on_joints, stack
 from pkmsea.mechanism import pose
 
 
 @lru_cache(maxsize=16)
-def flat_map(actuation: Actuation) -> ca.Function:
+def flat_map(shape: Shape) -> ca.Function:
     """The Function `flat_map`: y, y', ... -> q_M, v_M, tau and what lies between, no derivative approximated.
 
     Inputs: q (n,), the closed pose at r_E (`Mechanism.configuration`); Y (delta, 5), r_E and four derivatives;
@@ -21,8 +21,8 @@ def flat_map(actuation: Actuation) -> ca.Function:
     The load equation gives q_M = f_M(y, y', y''); its two time derivatives and tau = f_tau(y, ..., y'''') follow by
     directional derivatives along the jet (paper, section 4.2).
     """
-    mechanism = actuation.mechanism
-    n, delta, m = mechanism.model.nq, mechanism.mobility, actuation.m
+    mechanism = shape.mechanism
+    n, delta, m = mechanism.model.nq, mechanism.mobility, shape.m
     k = m - delta
     q, Y, Z = ca.SX.sym("q", n), ca.SX.sym("Y", delta, 5), ca.SX.sym("Z", k, 3)
     c, inertia, friction = ca.SX.sym("c", m), ca.SX.sym("M_M", m), ca.SX.sym("d_v", m)
@@ -40,21 +40,18 @@ def flat_map(actuation: Actuation) -> ca.Function:
     a = rate(v)
     load = mechanism.tree.inverse_dynamics(q, v, a)
     u_free = [
-        c[i] * (Z[j, 0] - q[at[i]])
-        if actuation.drives[i].elastic
-        else Z[j, 0] - inertia[i] * a[at[i]] - friction[i] * v[at[i]]
-        for j, i in enumerate(actuation.free)
+        c[i] * (Z[j, 0] - q[at[i]]) if i in shape.elastic else Z[j, 0] - inertia[i] * a[at[i]] - friction[i] * v[at[i]]
+        for j, i in enumerate(shape.free)
     ]
     u = ca.SX(m, 1)
-    u[actuation.free] = stack(u_free)
+    u[list(shape.free)] = stack(u_free)
     G = mechanism.functions["closure_jacobian"](q)
-    solved = ca.solve(ca.horzcat(ca.SX(dependent_columns(actuation)), G.T), load - on_joints(u, at, n))
-    u[actuation.dependent] = solved[:delta]
+    solved = ca.solve(ca.horzcat(ca.SX(dependent_columns(shape)), G.T), load - on_joints(u, at, n))
+    u[shape.dependent] = solved[:delta]
 
-    elastic = [drive.elastic for drive in actuation.drives]
-    q_M = stack([q[at[i]] + (u[i] / c[i] if elastic[i] else 0) for i in range(m)])
-    for j, i in enumerate(actuation.free):
-        if elastic[i]:
+    q_M = stack([q[at[i]] + (u[i] / c[i] if i in shape.elastic else 0) for i in range(m)])
+    for j, i in enumerate(shape.free):
+        if i in shape.elastic:
             q_M[i] = Z[j, 0]
     v_M = rate(q_M)
     a_M = rate(v_M)
@@ -70,9 +67,9 @@ def flat_map(actuation: Actuation) -> ca.Function:
 
 
 @lru_cache(maxsize=16)
-def flat_map_of_columns(actuation: Actuation) -> ca.Function:
+def flat_map_of_columns(shape: Shape) -> ca.Function:
     """`flat_map` with Y and Z as columns, derivative after derivative, so that it can be mapped over instants."""
-    exact = flat_map(actuation)
+    exact = flat_map(shape)
     inputs = [ca.SX.sym(exact.name_in(i), exact.numel_in(i)) for i in range(exact.n_in())]
     shaped = [ca.reshape(x, *exact.size_in(i)) for i, x in enumerate(inputs)]
     return ca.Function("flat_map_of_columns", inputs, exact.call(shaped), exact.name_in(), exact.name_out())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -39,6 +40,7 @@ def scatter(closure: ca.Function, seed: np.ndarray) -> list[np.ndarray]:
     return [q for q in tries if q is not None]
 
 
+@lru_cache(maxsize=32)
 def task_system(mechanism: Mechanism) -> ca.Function:
     """(Psi, A)(q) with Psi = [Phi; r_E] and A = dPsi/dq, (n, n): A v = [0; dr_E/dt]."""
     axes, delta = len(mechanism.sidecar.end_effector.axes), mechanism.mobility
@@ -55,6 +57,7 @@ def task_system(mechanism: Mechanism) -> ca.Function:
     return ca.Function("task_system", [q], [Psi, ca.densify(A)], ["q"], ["Psi", "A"])
 
 
+@lru_cache(maxsize=32)
 def pose_step(mechanism: Mechanism) -> ca.Function:
     """(q, y) -> step, gap: Newton's step towards Psi(q) = [0; y], and how far it is off."""
     q, y = ca.SX.sym("q", mechanism.model.nq), ca.SX.sym("y", mechanism.mobility)

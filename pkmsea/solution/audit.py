@@ -92,7 +92,7 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     q = _poses(problem, jets[0][:, :delta])
     r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
     c = np.nan_to_num(motion.stiffness, nan=1.0)
-    q_M, v_M, tau, u, v, a = (x.copy() for x in _batch(flat_map_of_columns(actuation), count)(q, Y, Z, c, r))
+    q_M, v_M, tau, u, v, a = (x.copy() for x in _batch(flat_map_of_columns(actuation.shape), count)(q, Y, Z, c, r))
     power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
@@ -148,7 +148,7 @@ def _poses(problem: Problem, targets: np.ndarray) -> np.ndarray:
 
 
 def _batch(function: ca.Function, count: int) -> Batch:
-    return Batch(function, count, kernels([function])[0])
+    return Batch(function, count, kernels((function,))[0])
 
 
 def _window_excess(problem: Problem, motion: Motion) -> float:

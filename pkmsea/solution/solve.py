@@ -12,7 +12,7 @@ from pkmsea.problem import Problem, build_problem
 from pkmsea.solution.refine import refine, unrefined
 from pkmsea.solution.solution import Solution
 from pkmsea.solver import Outcome, Start, multistart
-from pkmsea.solver.multistart import Progress, collect, distinct, spread
+from pkmsea.solver.multistart import Progress, collect, distinct, restart, spread
 from pkmsea.task import Task, load_task
 from pkmsea.transcription import transcribe
 
@@ -21,7 +21,12 @@ NEAR = 0.05  # of the best, relative: those farther away are not refined
 
 
 def solve(
-    task: Task | str | Path, setup: str | None = None, *, workers: int | None = None, progress: Progress | None = None
+    task: Task | str | Path,
+    setup: str | None = None,
+    *,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    near: Solution | None = None,
 ) -> Solution:
     """Solve one setup of a task: the energy-optimal cycle and stiffnesses together.
 
@@ -31,6 +36,7 @@ def solve(
     setup : name of the setup; may be left out if there is only one.
     workers : processes of the multi-start; default: the cores that this process may use.
     progress : called with every finished start.
+    near : a solution of a neighbouring task; the only start then, in place of the multi-start.
 
     Raises
     ------
@@ -39,7 +45,10 @@ def solve(
     begin = time.perf_counter()
     problem = build_problem(load_task(task) if isinstance(task, str | Path) else task, setup)
     transcription = transcribe(problem)
-    starts, interrupted = multistart(transcription, workers, progress)
+    if near is None:
+        starts, interrupted = multistart(transcription, workers, progress)
+    else:
+        starts, interrupted = [restart(transcription, near.motion)], False
     finished = [start for start in starts if start.finished]
     candidates = _promising(distinct(finished or starts))
     if not candidates and interrupted:

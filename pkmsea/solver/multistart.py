@@ -16,11 +16,12 @@ from joblib import Parallel, delayed
 from pkmsea.problem import build_problem
 from pkmsea.solver.ipopt import Outcome, solve_nlp
 from pkmsea.task import Task
-from pkmsea.transcription import Transcription, transcribe
+from pkmsea.transcription import Motion, Transcription, transcribe
 
 SCREENING, SHARPENING, LAST = slice(0, 2), slice(2, None), slice(-1, None)  # of an NLP's steps
 CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that need more end badly
 FINISHED = 4  # starts at least that go on
+AGREEING = 8  # starts that find one optimum between them are enough
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace
 
 Progress = Callable[["Start"], None]
@@ -111,16 +112,28 @@ def improve(
     return Start(index, point.outcome, point.x, energy, stiffness, iterations, seconds, limited)
 
 
+def restart(transcription: Transcription, motion: Motion) -> Start:
+    """Solve at full sharpness from the optimal motion of a neighbouring problem."""
+    return replace(improve(transcription, 0, transcription.transfer(motion), LAST, warm=True), finished=True)
+
+
 def multistart(
     transcription: Transcription, workers: int | None = None, progress: Progress | None = None
 ) -> tuple[list[Start], bool]:
-    """All starts, in the order of their indices; the best distinct ones are sharpened to the end.
+    """The starts, in the order of their indices; the best distinct ones are sharpened to the end.
 
+    The search ends after the first AGREEING starts if they have all found the same optimum.
     An interrupt (Ctrl-C) ends the search early; what has been found is returned, and True with it.
     """
     count = transcription.problem.options.starts
-    screening = spread(transcription, workers, [(run_start, index) for index in range(count)])
-    done, interrupted = collect(screening, progress)
+    done: list[Start] = []
+    interrupted = False
+    for indices in (range(min(AGREEING, count)), range(AGREEING, count)):
+        calls = [(run_start, index) for index in indices]
+        found, interrupted = collect(spread(transcription, workers, calls), progress)
+        done += found
+        if interrupted or (all(start.outcome is Outcome.OPTIMAL for start in done) and len(distinct(done)) == 1):
+            break
     best = distinct(done)[: max(FINISHED, count // 6)]
     sharpened, again = collect(spread(transcription, workers, [(finish, s) for s in best]))
     finished = {s.index: s for s in sharpened}

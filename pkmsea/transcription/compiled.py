@@ -14,7 +14,7 @@ import stat
 import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import casadi as ca
@@ -29,7 +29,8 @@ LANES = Path(__file__).with_name("lanes.hpp")
 Kernel = Callable[..., None]  # (count, pointers to the inputs' rows, pointers to the outputs' rows)
 
 
-def kernels(functions: Sequence[ca.Function]) -> list[Kernel | None]:
+@lru_cache(maxsize=64)
+def kernels(functions: tuple[ca.Function, ...]) -> list[Kernel | None]:
     """Machine code for each Function at many instants; None for all where there is no compiler.
 
     The cache's key is their content, the compiler with all that it knows of this processor, and the flags.

@@ -71,5 +71,6 @@ class FlatTranscription(Transcription):
     def transfer(self, motion: Motion) -> np.ndarray:
         t = np.arange(4 * self.basis.size) * self.basis.period / (4 * self.basis.size)
         coefficients = self.basis.fit(t, motion.flat_output(t))
-        theta = np.log(motion.stiffness[self.problem.actuation.elastic])
+        low, high = self.problem.stiffness_range.T
+        theta = np.log(np.clip(motion.stiffness[self.problem.actuation.elastic], low, high))
         return np.concatenate([coefficients.T.ravel(), theta])

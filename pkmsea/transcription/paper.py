@@ -143,7 +143,7 @@ class PaperTranscription(Transcription):
     def _flat_torque(self) -> ca.Function:
         """(q, Y, Z, c) -> tau, v_M, v, a with Y and Z as columns and the drives' numbers in place."""
         actuation = self.problem.actuation
-        exact = flat_map_of_columns(actuation)
+        exact = flat_map_of_columns(actuation.shape)
         q, Y, Z, c = (ca.SX.sym(name, exact.numel_in(i)) for i, name in enumerate(("q", "Y", "Z", "c")))
         out = exact(q, Y, Z, c, ca.DM(self.robot.r))
         return ca.Function("flat_torque", [q, Y, Z, c], [out[2], out[1], out[4], out[5]])

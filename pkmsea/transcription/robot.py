@@ -55,7 +55,7 @@ class RobotOnGrid:
         self.cells = make_cells(basis, samples, HALF_WIDTH)
         self.r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
         self.differentiated = [*range(2 * self.m), *limited]
-        stage = stage_functions(actuation, limited)
+        stage = stage_functions(actuation.shape, tuple(limited))
         functions = (pose.pose_step(mechanism), stage.unknowns, stage.slope, stage.curvature)
         self._pose_step, self._unknowns, self._slope, self._curvature = (
             Batch(function, samples, kernel) for function, kernel in zip(functions, kernels(functions), strict=True)
