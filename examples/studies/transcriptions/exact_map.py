@@ -19,7 +19,6 @@ from scheme import StageScheme
 from stages import StageNlp
 from symbols import Symbols, numbers
 
-from pkmsea.actuation.actuation import dependent_columns
 from pkmsea.mechanism import pose
 from pkmsea.problem import Problem
 from pkmsea.transcription import Motion
@@ -40,7 +39,7 @@ def build(problem: Problem) -> list[ca.Function]:
     x = [ca.SX.sym(f"q{i}", s.n) for i in range(ORDERS)]
     F = [ca.SX.sym(f"F{i}", s.n) for i in range(FORCES)]
     now, rates = ca.vertcat(*x[:-1], *F[:-1]), ca.vertcat(*x[1:], *F[1:])
-    L = ca.horzcat(ca.SX(dependent_columns(problem.actuation)), s.f["closure_jacobian"](x[0]).T)
+    L = ca.horzcat(ca.SX.eye(s.n)[:, s.at], s.f["closure_jacobian"](x[0]).T)
     poses = [pose.task_system(s.mechanism)(x[0])[0]]
     loads = [s.mechanism.tree.inverse_dynamics(*x[:3]) - ca.mtimes(L, F[0])]
     for equations, count in ((poses, ORDERS), (loads, FORCES)):

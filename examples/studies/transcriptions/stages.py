@@ -29,7 +29,7 @@ class StageNlp:
         """`box` (2, K, g): bounds of g, infinite where a stage does not have that constraint; `rows`: linear ones."""
         self.layout, self.numbers, self.size = layout, numbers, int(layout.index.max()) + 1
         K, L = layout.index.shape
-        compiled = zip(functions, kernels(functions), strict=True)
+        compiled = zip(functions, kernels(tuple(functions)), strict=True)
         self._values, self._slopes, self._curvature = (Batch(function, K, code) for function, code in compiled)
         self._kept = np.isfinite(box).any(axis=0)
         self._rows = rows.matrix.tocoo() if rows is not None else None
