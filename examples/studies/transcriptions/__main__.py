@@ -16,7 +16,8 @@ from cases import DRIVES, LOSSES, SIZES, Run, make_problem, run, shared_start
 from collocation import Radau
 from default import Default
 from exact_map import KnotSamples, Oversampled
-from report import figure, table, write_csv
+from figure import figure
+from report import summary, table, write_csv
 from variational import Variational
 
 SCHEMES = (Default, KnotSamples, EnergyBalance, Oversampled, Radau, Variational)
@@ -45,7 +46,7 @@ def main() -> list[Run]:
             )
             write_csv(runs, asked.out / "transcriptions.csv")
     titles = {scheme.__name__: scheme.title for scheme in SCHEMES}
-    (asked.out / "transcriptions.md").write_text(table(runs, titles), encoding="utf-8")
+    (asked.out / "transcriptions.md").write_text(f"{summary(runs, titles)}\n{table(runs, titles)}", encoding="utf-8")
     figure(runs, titles).savefig(asked.out / "transcriptions.png", dpi=150)
     return runs
 
