@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, task
+from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, task
 
 from pkmsea.paper import paper_task
 from pkmsea.problem import build_problem
@@ -51,12 +51,15 @@ def test_difference_weights_are_exact_for_polynomials(order: int) -> None:
         ("pkm_2rrr", RIGID | LIMITED),
         ("pkm_3rrr", ELASTIC | LIMITED),
         ("pkm_3rrr", [RIGID, ELASTIC, ELASTIC]),
+        ("pkm_2rrr", [ELASTIC | FRICTION | PARALLEL | {"cubic": 0.5} | LIMITED, RIGID | FRICTION | PARALLEL]),
+        ("pkm_3rrr", [ELASTIC | FRICTION | {"cubic": 0.5}, RIGID | FRICTION, ELASTIC | PARALLEL]),
     ],
 )
 def test_exact_derivatives(basis: Basis, mechanism: str, drives: object) -> None:
     """Gradient, Jacobian and Hessian of the Lagrangian along a random direction, against central differences."""
     limits = {"joints": {"velocity": {"elbow_A": 40.0}, "acceleration": 900.0, "position": {"A": [-3, 3]}}}
-    problem = build_problem(task(mechanism, drives, limits=limits))
+    payload = {"mass": 0.2, "pick": 1, "place": 2}
+    problem = build_problem(task(mechanism, drives, limits=limits, payload=payload))
     nlp = FlatNlp(problem, basis, 96, problem.bounds)
     rng = np.random.default_rng(3)
     x = start(problem, nlp.robot, rng)

@@ -56,7 +56,7 @@ class StageScheme(Scheme):
     def nlp(self, x: np.ndarray) -> Nlp:
         free, low, high = np.full(x.size, np.inf), np.full(x.size, -np.inf), np.full(x.size, np.inf)
         theta = slice(self.head, self.head + self.problem.actuation.m)
-        low[theta], high[theta] = np.log(self.problem.stiffness_range).T
+        low[theta], high[theta] = np.log([drive.stiffness_range for drive in self.problem.actuation.drives]).T
         return self.stages.nlp((Variable("x", low, high, np.ones_like(free), x),), self._width, len(SHARPENING))
 
     def claimed(self, x: np.ndarray) -> float:
