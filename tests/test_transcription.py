@@ -53,6 +53,7 @@ def test_difference_weights_are_exact_for_polynomials(order: int) -> None:
         ("pkm_3rrr", [RIGID, ELASTIC, ELASTIC]),
         ("pkm_2rrr", [ELASTIC | FRICTION | PARALLEL | {"cubic": 0.5} | LIMITED, RIGID | FRICTION | PARALLEL]),
         ("pkm_3rrr", [ELASTIC | FRICTION | {"cubic": 0.5}, RIGID | FRICTION, ELASTIC | PARALLEL]),
+        ("pkm_3rrr", [ELASTIC | FRICTION | {"damping": 5e-3}, ELASTIC | {"damping": 2e-3}, ELASTIC | {"damping": 0.1}]),
     ],
 )
 def test_exact_derivatives(basis: Basis, mechanism: str, drives: object) -> None:
