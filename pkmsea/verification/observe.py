@@ -1,0 +1,67 @@
+"""Everything that a simulated motion shows: end effector, drives, power, loops, mechanical energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmsea.verification.dynamics import Robot
+from pkmsea.verification.replay import Trace
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """Quantities along a trace; arrays (samples, ...), SI units.
+
+    Attributes
+    ----------
+    r_E, dr_E, ddr_E : end effector and its derivatives.
+    q, v, a, q_M, v_M, u, tau : joints and drives; `u` acts on the joints.
+    power : bus power P = sum of tau v_M + kappa tau^2.
+    closure : largest closure residual [m, rad].
+    mechanical : kinetic and potential energy of tree, rotors and springs.
+    """
+
+    t: np.ndarray
+    r_E: np.ndarray
+    dr_E: np.ndarray
+    ddr_E: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    q_M: np.ndarray
+    v_M: np.ndarray
+    u: np.ndarray
+    tau: np.ndarray
+    power: np.ndarray
+    closure: np.ndarray
+    mechanical: np.ndarray
+
+    @property
+    def consumed(self) -> np.ndarray:
+        """Integral of max(P, 0) from the first instant on [J], by the trapezoidal rule."""
+        P = np.maximum(self.power, 0)
+        steps = np.diff(self.t) * (P[1:] + P[:-1]) / 2
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def observe(robot: Robot, trace: Trace) -> Observed:
+    """Look at every instant of a trace."""
+    actuation = robot.actuation
+    q, v, _, _ = robot.split(trace.x)
+    q_M, v_M = robot.motors(trace.x)
+    rates = np.array([robot.rate(x, tau) for x, tau in zip(trace.x, trace.tau, strict=True)])
+    a = robot.split(rates)[1]
+    E = np.array([robot.end_effector(*state) for state in zip(q, v, a, strict=True)])
+    closure = np.array([np.abs(robot.loops(*state).Phi).max(initial=0.0) for state in zip(q, v, strict=True)])
+    at, kappa = actuation.mechanism.actuated, actuation.numbers("copper_loss")
+    spring = np.nan_to_num(robot.stiffness) * (q_M - q[:, at])
+    rigid = trace.tau - actuation.numbers("inertia") * a[:, at] - actuation.numbers("friction") * v[:, at]
+    elastic = np.isin(np.arange(actuation.m), robot.elastic)
+    power = (trace.tau * v_M + kappa * trace.tau**2).sum(axis=1)
+    mechanical = np.array([robot.energy(x) for x in trace.x])
+    return Observed(
+        trace.t, E[:, 0], E[:, 1], E[:, 2], q, v, a, q_M, v_M, np.where(elastic, spring, rigid), trace.tau, power,
+        closure, mechanical,
+    )  # fmt: skip
