@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from pkmsea.actuation import Actuation
-from pkmsea.errors import InputError
+from pkmsea.mechanism import Mechanism
+from pkmsea.verification.drives import Drives
 
 AXES = ("x", "y", "z")
 RANK = 1e-11  # relative; redundant rows of the closures, such as those across a planar loop, lie far below
@@ -30,33 +30,24 @@ class Loops:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A tree of n joints, m drives with motor torques tau, and loops closed by forces lambda.
+    """A tree of n joints with its m drives, and loops closed by forces lambda:
 
-    The state is x = (q, v, q_M, v_M), the last two of the elastic drives only:
+        (M + S_A^T M_M S_A) a + h(q, v) = S_A^T f + G^T lambda,    G a + dG/dt v = 0
 
-        (M + S_A^T M_M S_A) a + h(q, v) + S_A^T d_v v_A = S_A^T u + G^T lambda,    G a + dG/dt v = 0,
-        M_M a_M + d_v v_M + u = tau,    u = c (q_M - q_A)              where a drive is elastic,
-        u = tau                                                       where it is rigid;
-
-    rotor inertia M_M and friction d_v of rigid drives act on their joints, those of elastic ones on their motors. All
-    rows of all closures are kept, redundant ones too: the least-norm solution gives the unique acceleration.
-    `stiffness` (m,) is NaN for rigid drives.
+    where f are the spring forces of elastic drives, and tau less friction of rigid ones, whose rotors M_M belong to the
+    joints. The state is x = (q, v, q_M, v_M), the last two of the elastic drives only. All rows of all closures are
+    kept, redundant ones too: the least-norm solution gives the unique acceleration.
     """
 
-    actuation: Actuation
-    stiffness: np.ndarray
+    drives: Drives
 
-    def __post_init__(self) -> None:
-        for i in self.actuation.elastic:
-            if self.actuation.drives[i].inertia == 0:
-                raise InputError(
-                    "A motor without inertia cannot be simulated.", "Give the drive a rotor inertia.",
-                    key=f"drive {self.actuation.labels[i]}: inertia", value=0,
-                )  # fmt: skip
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.drives.actuation.mechanism
 
     @cached_property
     def model(self) -> pin.Model:
-        return self.actuation.mechanism.model
+        return self.mechanism.model
 
     @cached_property
     def data(self) -> pin.Data:
@@ -67,69 +58,61 @@ class Robot:
         return int(self.model.nq)
 
     @cached_property
-    def elastic(self) -> list[int]:
-        return self.actuation.elastic
+    def at(self) -> list[int]:
+        """Index into q of each drive's joint (m)."""
+        return self.mechanism.actuated
 
     @cached_property
     def on_joints(self) -> np.ndarray:
         """S_A^T, (n, m)."""
-        return np.eye(self.n)[:, self.actuation.mechanism.actuated]
+        return np.eye(self.n)[:, self.at]
 
     @cached_property
-    def on_rigid_joints(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rotor inertia (n, n) and friction (n,) that rigid drives add to the joints."""
-        rigid = np.array([not drive.elastic for drive in self.actuation.drives])
-        inertia, friction = (self.on_joints @ (rigid * self.actuation.numbers(k)) for k in ("inertia", "friction"))
-        return np.diag(inertia), friction
-
-    @cached_property
-    def rotors(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Inertia, friction and stiffness of the elastic drives."""
-        numbers = self.actuation.numbers("inertia"), self.actuation.numbers("friction"), self.stiffness
-        return numbers[0][self.elastic], numbers[1][self.elastic], numbers[2][self.elastic]
+    def rotors_on_joints(self) -> np.ndarray:
+        """S_A^T M_M S_A of the rigid drives, (n, n)."""
+        return np.diag(self.on_joints @ np.where(self.drives.elastic, 0.0, self.drives.inertia))
 
     @cached_property
     def frames(self) -> list[tuple[int, int, bool]]:
         """Per closure its two frames, and whether their orientations coincide as well."""
-        closures = self.actuation.mechanism.sidecar.closures
+        closures = self.mechanism.sidecar.closures
         return [(*(self.model.getFrameId(name) for name in c.frames), c.type == "frame") for c in closures]
 
     @cached_property
     def end_effector_rows(self) -> tuple[int, list[int]]:
         """Frame of the end effector, and the world axes along which it is followed."""
-        declared = self.actuation.mechanism.sidecar.end_effector
+        declared = self.mechanism.sidecar.end_effector
         return self.model.getFrameId(declared.frame), [AXES.index(axis) for axis in declared.axes]
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """q, v, q_M, v_M of states (..., 2n + 2e)."""
-        n, e = self.n, len(self.elastic)
+        """q, v, q_M, v_M of states (..., 2n + 2e), the last two of the e elastic drives."""
+        n, e = self.n, int(self.drives.elastic.sum())
         return x[..., :n], x[..., n : 2 * n], x[..., 2 * n : 2 * n + e], x[..., 2 * n + e :]
 
     def motors(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q_M, v_M of all drives (..., m); joint coordinates where a drive is rigid."""
         q, v, q_M, v_M = self.split(x)
-        at = self.actuation.mechanism.actuated
-        position, speed = q[..., at].copy(), v[..., at].copy()
-        position[..., self.elastic], speed[..., self.elastic] = q_M, v_M
+        position, speed = q[..., self.at], v[..., self.at]
+        position[..., self.drives.elastic], speed[..., self.drives.elastic] = q_M, v_M
         return position, speed
 
     def rate(self, x: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """dx/dt."""
-        q, v, q_M, v_M = self.split(x)
-        inertia, friction, c = self.rotors
-        spring = c * (q_M - q[self.actuation.mechanism.actuated][self.elastic])
-        u = tau.copy()
-        u[self.elastic] = spring
-        a_M = (tau[self.elastic] - friction * v_M - spring) / inertia
-        return np.concatenate([v, self.acceleration(q, v, u), v_M, a_M])
+        """dx/dt under motor torques tau (m,)."""
+        drives = self.drives
+        q, v, _, _ = self.split(x)
+        q_M, v_M = self.motors(x)
+        left = tau - drives.friction(v_M)
+        spring = drives.spring(q_M - q[self.at])
+        a = self.acceleration(q, v, np.where(drives.elastic, spring, left))
+        a_M = (left - spring)[drives.elastic] / drives.inertia[drives.elastic]
+        return np.concatenate([v, a, v_M[drives.elastic], a_M])
 
-    def acceleration(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """a (n,) from the KKT system of the constrained tree."""
-        rotor, friction = self.on_rigid_joints
+    def acceleration(self, q: np.ndarray, v: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """a (n,) from the KKT system of the constrained tree, under forces f (m,) of the drives on the joints."""
         h = pin.nonLinearEffects(self.model, self.data, q, v)
         M = np.triu(pin.crba(self.model, self.data, q))
-        M = M + np.triu(M, 1).T + rotor
-        force = self.on_joints @ u - friction * v - h
+        M = M + np.triu(M, 1).T + self.rotors_on_joints
+        force = self.on_joints @ f - h
         if not self.frames:
             return np.asarray(np.linalg.solve(M, force))
         loops, scale = self.loops(q, v), np.trace(M) / self.n
@@ -147,9 +130,9 @@ class Robot:
         Phi, G, bias = [np.zeros(0)], [np.zeros((0, self.n))], [np.zeros(0)]
         for first, second, oriented in self.frames:
             rows = slice(0, 6 if oriented else 3)
-            G.append((pin.getFrameJacobian(model, data, second, WORLD)
-                      - pin.getFrameJacobian(model, data, first, WORLD))[rows])  # fmt: skip
+            J = [pin.getFrameJacobian(model, data, f, WORLD) for f in (first, second)]
             drift = [pin.getFrameClassicalAcceleration(model, data, f, WORLD).vector for f in (first, second)]
+            G.append((J[1] - J[0])[rows])
             bias.append((drift[1] - drift[0])[rows])
             Phi.append(data.oMf[second].translation - data.oMf[first].translation)
             if oriented:
@@ -167,14 +150,11 @@ class Robot:
 
     def energy(self, x: np.ndarray) -> float:
         """Kinetic and potential energy of tree, rotors and springs [J]."""
-        q, v, q_M, v_M = self.split(x)
-        inertia, _, c = self.rotors
-        wound = q_M - q[self.actuation.mechanism.actuated][self.elastic]
-        tree = pin.computeKineticEnergy(self.model, self.data, q, v) + pin.computePotentialEnergy(
-            self.model, self.data, q
-        )
-        moving = v @ self.on_rigid_joints[0] @ v + inertia @ v_M**2
-        return float(tree + (moving + c @ wound**2) / 2)
+        q, v, _, _ = self.split(x)
+        q_M, v_M = self.motors(x)
+        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v) + self.drives.inertia @ v_M**2 / 2
+        potential = pin.computePotentialEnergy(self.model, self.data, q)
+        return float(kinetic + potential + self.drives.spring_energy(q_M - q[self.at]))
 
     def singularity(self, q: np.ndarray) -> tuple[float, float]:
         """Reciprocal condition numbers of [G; J_E] and [G; S_A]: distances to singularities of type 1 and 2.

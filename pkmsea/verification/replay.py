@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -16,8 +16,13 @@ from pkmsea.verification.reference import Reference
 SEGMENTS = 40  # per period
 CYCLES = 2
 INSTANTS = 3001  # per period at which whole cycles are looked at: a prime, so that they are none of the samples
-TOLERANCE = 1e-10  # relative, of the integration
-FLOOR = 1e-12  # absolute, of the integration [rad, m, s]
+TOLERANCE = 1e-10  # relative, of the explicit integration
+STIFF = 2000  # fastest natural frequency of a rotor times the period, beyond which it is implicit
+STIFF_TOLERANCE = 1e-7  # relative, of the implicit one: tighter, it would follow the rotor's ringing
+FLOOR = 1e-12  # absolute [rad, m, s]
+EVALUATIONS = 600_000  # of the equations of motion in one go, at most: about a minute
+
+Rate = Callable[[float, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,50 +58,63 @@ def feedback_of(robot: Robot, reference: Reference) -> Feedback:
     w = 2 * np.pi / reference.period
     spread = np.maximum(np.ptp(reference.series["q_M"], axis=0), FLOOR)
     K_d = np.sqrt((reference.series["tau"] ** 2).mean(axis=0)) / spread / w
-    inertia, _, c = robot.rotors
-    K_d[robot.elastic] = np.minimum(K_d[robot.elastic], np.sqrt(c * inertia))
+    drives = robot.drives
+    K_d = np.where(drives.elastic, np.minimum(K_d, np.sqrt(drives.c * drives.inertia)), K_d)
     return Feedback(w * K_d, K_d)
 
 
-def segments(robot: Robot, reference: Reference, count: int = SEGMENTS) -> Trace:
-    """`count` pieces of one period, each started from the stored state and driven by the stored torque alone.
+def segments(robot: Robot, reference: Reference, number: int = SEGMENTS) -> Trace:
+    """`number` pieces of one period, each started from the stored state and driven by the stored torque alone.
 
     The trace holds, for every stored sample but the first of its segment, what the segment that leads there makes of
     it; at t = 0 that is the end of the last segment. So there is one row per stored sample, in their order.
     """
     K, T, drive = reference.t.size, reference.period, reference.drive
-    m = robot.actuation.m
+    m = robot.drives.actuation.m
     times = np.append(reference.t, T)
-    borders = np.unique(np.linspace(0, K, count + 1).round().astype(int))
+    borders = np.unique(np.linspace(0, K, number + 1).round().astype(int))
     x = np.empty_like(reference.states)
     for a, b in pairwise(borders):
-        found = _integrate(lambda t, x: robot.rate(x, drive(t)[:m]), reference.states[a], times[a : b + 1])
+        span = times[a : b + 1]
+        found = _integrate(robot, lambda t, x: robot.rate(x, drive(t)[:m]), reference.states[a], span, T)
         x[np.arange(a + 1, b + 1) % K] = found[1:]
     tau = reference.series["tau"]
     return Trace(reference.t, x, tau, np.zeros_like(tau))
 
 
-def cycles(robot: Robot, reference: Reference, count: int = CYCLES) -> Trace:
-    """`count` cycles in one go from the stored state at t = 0, with the small feedback; the edges of rest windows are
+def cycles(robot: Robot, reference: Reference, number: int = CYCLES) -> Trace:
+    """`number` cycles in one go from the stored state at t = 0, with the small feedback; the edges of rest windows are
     among its instants."""
-    drive, feedback, m = reference.drive, feedback_of(robot, reference), robot.actuation.m
+    drive, feedback, m = reference.drive, feedback_of(robot, reference), robot.drives.actuation.m
     T = reference.period
 
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         ahead = drive(t)
         return robot.rate(x, ahead[:m] + feedback.torque(ahead, *robot.motors(x)))
 
-    edges = [x + k * T for w in reference.problem.cycle.windows for x in (w.start, w.end) for k in range(count + 1)]
-    t = np.union1d(np.linspace(0, count * T, count * INSTANTS + 1), [x for x in edges if 0 <= x <= count * T])
-    x = _integrate(rate, reference.states[0], t)
+    edges = [x + k * T for w in reference.problem.cycle.windows for x in (w.start, w.end) for k in range(number + 1)]
+    t = np.union1d(np.linspace(0, number * T, number * INSTANTS + 1), [x for x in edges if 0 <= x <= number * T])
+    x = _integrate(robot, rate, reference.states[0], t, T)
     ahead = drive(t)
     added = feedback.torque(ahead, *robot.motors(x))
     return Trace(t, x, ahead[:, :m] + added, added)
 
 
-def _integrate(rate: Callable[[float, np.ndarray], np.ndarray], x: np.ndarray, t: np.ndarray) -> np.ndarray:
+def _integrate(robot: Robot, rate: Rate, x: np.ndarray, t: np.ndarray, period: float) -> np.ndarray:
     """States at times t (len(t), len(x))."""
-    found = solve_ivp(rate, (t[0], t[-1]), x, "DOP853", t_eval=t, rtol=TOLERANCE, atol=FLOOR)
+    stiff = robot.drives.frequency * period > STIFF
+    calls = count()
+
+    def counted(time: float, state: np.ndarray) -> np.ndarray:
+        if next(calls) > EVALUATIONS:
+            raise SolveError(
+                f"The simulation takes more than {EVALUATIONS} evaluations of the equations of motion.",
+                "The motion does not follow from its torque, or a spring is too stiff for its rotor.",
+            )
+        return rate(time, state)
+
+    method, tolerance = ("Radau", STIFF_TOLERANCE) if stiff else ("DOP853", TOLERANCE)
+    found = solve_ivp(counted, (t[0], t[-1]), x, method, t_eval=t, rtol=tolerance, atol=FLOOR)
     if not found.success:
         raise SolveError(f"The simulation broke down: {found.message}", "Check the drives and the mechanism.")
     return np.asarray(found.y.T)

@@ -12,6 +12,7 @@ from scipy.integrate import simpson
 from pkmsea.problem import Bound
 from pkmsea.solution import Solution
 from pkmsea.solution.audit import IDLE
+from pkmsea.verification.drives import Drives
 from pkmsea.verification.dynamics import Robot
 from pkmsea.verification.observe import Observed, observe
 from pkmsea.verification.reference import Reference, reference
@@ -94,13 +95,13 @@ def verify(source: Solution | str | Path) -> Verification:
     SolveError : the simulation broke down.
     """
     said = reference(source)
-    robot = Robot(said.problem.actuation, said.motion.stiffness)
+    robot = Robot(Drives(said.problem.actuation, said.motion.stiffness))
     pieces, whole = segments(robot, said), cycles(robot, said)
     short, long = observe(robot, pieces), observe(robot, whole)
     simulated = float(np.maximum(short.power, 0).mean() * said.period)
     starts = [int(np.abs(long.t - k * said.period).argmin()) for k in range(CYCLES + 1)]
     in_cycles = float(np.diff(long.consumed[starts])[-1])
-    turnover = float(np.abs(short.u * short.v[:, said.problem.actuation.mechanism.actuated]).sum(axis=1).mean())
+    turnover = float(np.abs(short.u * short.v[:, robot.at]).sum(axis=1).mean())
     scale = max(said.energy, IDLE * turnover * said.period)
     inverse, direct = np.min([robot.singularity(q) for q in short.q], axis=0)
     measured: dict[str, Any] = {
@@ -112,7 +113,7 @@ def verify(source: Solution | str | Path) -> Verification:
         "motors": float(np.abs(short.q_M - said.series["q_M"]).max()),
         "deviations": _deviations(said, short),
         "closure": float(max(short.closure.max(), long.closure.max())),
-        "balance": _balance(robot, long) / (CYCLES * scale),
+        "balance": _balance(long) / (CYCLES * scale),
         "periodicity": float(np.abs(np.diff(long.r_E[starts], axis=0)).max()),
         **_feedback(whole, long),
         "window": _window_excess(said, long),
@@ -136,11 +137,9 @@ def _deviations(said: Reference, short: Observed) -> dict[str, float]:
     }
 
 
-def _balance(robot: Robot, long: Observed) -> float:
+def _balance(long: Observed) -> float:
     """|work of the motors less friction - change of mechanical energy| [J]."""
-    friction = robot.actuation.numbers("friction")
-    work = simpson((long.tau * long.v_M - friction * long.v_M**2).sum(axis=1), x=long.t)
-    return abs(float(work - (long.mechanical[-1] - long.mechanical[0])))
+    return abs(float(simpson(long.supplied, x=long.t) - (long.mechanical[-1] - long.mechanical[0])))
 
 
 def _feedback(whole: Trace, long: Observed) -> dict[str, float]:
