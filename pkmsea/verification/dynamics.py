@@ -73,6 +73,11 @@ class Robot:
         return np.diag(self.on_joints @ np.where(self.drives.elastic, 0.0, self.drives.inertia))
 
     @cached_property
+    def upper(self) -> np.ndarray:
+        """Weights that make a symmetric matrix, together with its transpose, of an upper triangle (n, n)."""
+        return np.triu(np.ones((self.n, self.n))) - np.eye(self.n) / 2
+
+    @cached_property
     def frames(self) -> list[tuple[int, int, bool]]:
         """Per closure its two frames, and whether their orientations coincide as well."""
         closures = self.mechanism.sidecar.closures
@@ -109,17 +114,17 @@ class Robot:
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, f: np.ndarray) -> np.ndarray:
         """a (n,) from the KKT system of the constrained tree, under forces f (m,) of the drives on the joints."""
-        h = pin.nonLinearEffects(self.model, self.data, q, v)
-        M = np.triu(pin.crba(self.model, self.data, q))
-        M = M + np.triu(M, 1).T + self.rotors_on_joints
-        force = self.on_joints @ f - h
+        n, model, data = self.n, self.model, self.data
+        force = self.on_joints @ f - pin.nonLinearEffects(model, data, q, v)
+        M = pin.crba(model, data, q) * self.upper  # Pinocchio leaves the lower triangle undefined
+        M = M + M.T + self.rotors_on_joints
         if not self.frames:
             return np.asarray(np.linalg.solve(M, force))
-        loops, scale = self.loops(q, v), np.trace(M) / self.n
+        loops, scale = self.loops(q, v), M.trace() / n
         rows = loops.G.shape[0]
-        K = np.block([[M / scale, loops.G.T], [loops.G, np.zeros((rows, rows))]])
-        right = np.concatenate([force / scale, -loops.bias])
-        return np.asarray(np.linalg.lstsq(K, right, rcond=RANK)[0][: self.n])
+        K, right = np.zeros((n + rows, n + rows)), np.concatenate([force / scale, -loops.bias])
+        K[:n, :n], K[n:, :n], K[:n, n:] = M / scale, loops.G, loops.G.T
+        return np.asarray(np.linalg.lstsq(K, right, rcond=RANK)[0][:n])
 
     def loops(self, q: np.ndarray, v: np.ndarray) -> Loops:
         """Frame origins p_2 - p_1 and, where orientations coincide, the rotation between them."""
