@@ -116,7 +116,7 @@ class Robot:
         """a (n,) from the KKT system of the constrained tree, under forces f (m,) of the drives on the joints."""
         n, model, data = self.n, self.model, self.data
         force = self.on_joints @ f - pin.nonLinearEffects(model, data, q, v)
-        M = pin.crba(model, data, q) * self.upper  # Pinocchio leaves the lower triangle undefined
+        M = pin.crba(model, data, q) * self.upper  # Pinocchio sets the upper triangle only
         M = M + M.T + self.rotors_on_joints
         if not self.frames:
             return np.asarray(np.linalg.solve(M, force))
