@@ -34,16 +34,45 @@ class Kind(StrEnum):
 
 @app.command()
 def check(
-    mechanism: Annotated[Path, typer.Argument(help="Mechanism folder, or the name of a shipped one.")],
+    mechanism: Annotated[
+        Path, typer.Argument(help="Folder, sidecar (.yaml), URDF, xacro or MJCF file, or the name of a shipped one.")
+    ],
+    write: Annotated[bool, typer.Option("--write", help="Save what was read and proposed as mechanism.yaml.")] = False,
     json_: Json = False,
 ) -> None:
-    """Load a mechanism and print mobility, joints, closures, H_A, singularity distance and workspace."""
-    from pkmsea.mechanism import load_mechanism
+    """Load a mechanism and print mobility, joints, closures, H_A, singularity distance and workspace.
+
+    Drives, end effector and seed that its files leave open are proposed.
+    """
+    from pkmsea.errors import InputError
+    from pkmsea.mechanism import load_mechanism, skeleton
+    from pkmsea.mechanism.conventions import read_source
+    from pkmsea.mechanism.urdf import find
     from pkmsea.views import tables
 
-    loaded = load_mechanism(mechanism)
+    try:
+        loaded = load_mechanism(mechanism, guess=True)
+    except InputError as error:
+        if write and (file := skeleton.write_incomplete(read_source(find(mechanism)), error)):
+            _tell([file], json_)
+        raise
     record = tables.mechanism_record(loaded)
+    if write and (file := skeleton.write(loaded)):
+        _tell([file], json_)
     _emit(record) if json_ else tables.print_mechanism(loaded, record)
+
+
+@app.command()
+def new(
+    folder: Annotated[Path, typer.Argument(help="Folder to write to.")],
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", help="URDF, URDF+, xacro or MJCF file; else what the folder holds.")
+    ] = None,
+) -> None:
+    """Start with a mechanism of your own: write its sidecar and a first task, to be corrected by you."""
+    from pkmsea.new import new as write_new
+
+    _tell(write_new(folder, urdf), quiet=False)
 
 
 @app.command()

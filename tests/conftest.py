@@ -14,6 +14,8 @@ RIGID = {"kind": "rigid", "inertia": 4.4e-6, "copper_loss": 63.2}
 ELASTIC = {**RIGID, "kind": "sea", "stiffness": {"bounds": [0.01, 1.0]}}
 SLIDER_RIGID = {"kind": "rigid", "inertia": 5, "friction": 2, "copper_loss": 1.4892e-3}
 SLIDER_ELASTIC = {**SLIDER_RIGID, "kind": "sea", "stiffness": {"bounds": [5, 1000]}}
+FRICTION = {"coulomb": 0.02, "coulomb_width": 0.5, "friction": 1e-3}
+PARALLEL = {"parallel": {"stiffness": {"bounds": [0.01, 1.0]}, "rest": {"bounds": [-2.0, 2.0]}}}
 DIAGONAL = [{"at": [-0.07, -0.07], "rest": 0.1, "window": 1e-3}, {"at": [0.07, 0.07], "rest": 0.1, "window": 1e-3}]
 STROKE = [{"at": [0.7], "rest": 0.275, "window": 1e-3}, {"at": [1.1], "rest": 0.275, "window": 1e-3}]
 

@@ -1,16 +1,20 @@
 """Drives, flat outputs and the flat map, against the forward dynamics and finite differences."""
 
+import shutil
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
+from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
 
-from pkmsea.actuation import Actuation, Drive, flat_map
+from pkmsea.actuation import NUMBERS, Actuation, Drive, flat_map
 from pkmsea.actuation.equations import stage, stage_functions
 from pkmsea.errors import InputError, MechanismError
-from pkmsea.mechanism import Mechanism, pose
+from pkmsea.mechanism import Mechanism, load_mechanism, pose
 from pkmsea.problem import build_problem
 from pkmsea.solution.audit import series
+from pkmsea.task.payload import Payload
 from pkmsea.transcription import Motion
 from pkmsea.transcription.bases import SplineBasis
 from pkmsea.transcription.guess import path
@@ -22,6 +26,8 @@ MIXTURES = [
     ("linear_axis_2", [SLIDER_RIGID] * 2),
     ("linear_axis_2", [SLIDER_ELASTIC] * 2),
     ("linear_axis_2", [SLIDER_RIGID, SLIDER_ELASTIC]),
+    ("pkm_2rrr", [ELASTIC | FRICTION | PARALLEL | {"cubic": 0.5}, RIGID | FRICTION | PARALLEL]),
+    ("pkm_3rrr", [ELASTIC | FRICTION | {"cubic": 0.5}, RIGID | FRICTION, ELASTIC | PARALLEL]),
     ("pkm_2rrr", [RIGID] * 2),
     ("pkm_2rrr", [ELASTIC] * 2),
     ("pkm_2rrr", [RIGID, ELASTIC]),
@@ -29,7 +35,7 @@ MIXTURES = [
     ("pkm_3rrr", [ELASTIC] * 3),
     ("pkm_3rrr", [RIGID, ELASTIC, ELASTIC]),
 ]
-FRICTION = 4.8e-3
+VISCOUS = 4.8e-3
 RESIDUAL = 1e-8  # of equations of motion, relative to their largest term; rounding of second derivatives
 
 
@@ -62,34 +68,37 @@ def test_mixed_drives_have_no_relative_degree(mechanisms: dict[str, Mechanism]) 
 @pytest.mark.parametrize(("name", "drives"), MIXTURES)
 def test_flat_map_satisfies_the_equations_of_motion(mechanisms: dict[str, Mechanism], name: str, drives: list) -> None:
     """Paper, eq. (EOMAll) and (EOMRD), with M, g, H_A from the mechanism and the derivatives of a known motion."""
-    drives = [drive | {"friction": drive.get("friction", FRICTION)} for drive in drives]
+    drives = [drive | {"friction": drive.get("friction", VISCOUS)} for drive in drives]
     problem = build_problem(task(name, drives))
     robot = problem.actuation
     basis = SplineBasis(problem.cycle.period, 24, 7)
     free = 0.1 * np.random.default_rng(0).normal(size=(basis.size, len(robot.free)))
     coefficients = np.hstack([path(problem, basis, None), free])
-    stiffness = np.array([np.sqrt(np.prod(d.stiffness_range)) if d.elastic else np.nan for d in robot.drives])
-    motion = Motion(basis, coefficients, stiffness)
+    middle = np.array([np.mean(parameter.bounds) for parameter in robot.parameters])
+    motion = Motion.of(robot, basis, coefficients, middle)
     s = series(problem, motion, points=1200)
     h = s.t[1]
     a_M = (
         (-np.roll(s.v_M, -2, 0) + 8 * np.roll(s.v_M, -1, 0) - 8 * np.roll(s.v_M, 1, 0) + np.roll(s.v_M, 2, 0)) / 12 / h
     )
-    inertia, friction = robot.numbers("inertia"), robot.numbers("friction")
-    mechanism = robot.mechanism
+    inertia, mechanism = robot.numbers("inertia"), robot.mechanism
     at, ind = mechanism.actuated, mechanism.independent
     worst_load = worst_motor = 0.0
     for k in range(0, s.t.size, 50):
         H_A = mechanism.actuation_jacobian(s.q[k])
         load = mechanism.mass_matrix(s.q[k]) @ s.a[k, ind] + mechanism.bias(s.q[k], s.v[k, ind])
-        worst_load = max(worst_load, np.abs(load - H_A.T @ s.u[k]).max() / max(np.abs(H_A.T @ s.u[k]).max(), 1e-3))
+        parallel = motion.parallel[:, 0] * (motion.parallel[:, 1] - s.q[k, at])
+        forces = H_A.T @ (s.u[k] + np.nan_to_num(parallel))
+        worst_load = max(worst_load, np.abs(load - forces).max() / max(np.abs(forces).max(), 1e-3))
         for i, drive in enumerate(robot.drives):
             if drive.elastic:
-                spring = stiffness[i] * (s.q_M[k, i] - s.q[k, at[i]])
+                deflection = s.q_M[k, i] - s.q[k, at[i]]
+                spring = motion.stiffness[i] * deflection + drive.cubic * deflection**3
                 assert spring == pytest.approx(s.u[k, i], rel=1e-9, abs=1e-9)
-                motor = inertia[i] * a_M[k, i] + friction[i] * s.v_M[k, i] + spring
+                motor = inertia[i] * a_M[k, i] + spring
             else:
-                motor = inertia[i] * s.a[k, at[i]] + friction[i] * s.v[k, at[i]] + s.u[k, i]
+                motor = inertia[i] * s.a[k, at[i]] + s.u[k, i]
+            motor += drive.friction * s.v_M[k, i] + drive.coulomb * np.tanh(s.v_M[k, i] / drive.coulomb_width)
             worst_motor = max(worst_motor, abs(motor - s.tau[k, i]) / max(np.abs(s.tau[:, i]).max(), 1e-9))
     assert worst_load < RESIDUAL
     assert worst_motor < 2e-3  # a_M by differences of order 4 over a step of 1/1200 period
@@ -104,11 +113,14 @@ def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism
     Y, Z = rng.normal(size=(delta, 5)), rng.normal(size=(m - delta, 3))
     Y[:, 0] = robot.mechanism.end_effector(q)
     c = np.where([d.elastic for d in robot.drives], 0.3, 1.0)
-    r = np.concatenate([robot.numbers("inertia"), robot.numbers("friction")])
-    w = np.concatenate([Y[:, :3].T.ravel(), Z[:, 0], np.log(c)])
+    r = robot.stage_numbers(np.zeros(1))[0]
+    p = np.array([np.mean(parameter.bounds) for parameter in robot.parameters])
+    p[: len(robot.elastic)] = np.log(c[robot.elastic])
+    w = np.concatenate([Y[:, :3].T.ravel(), Z[:, 0], p])
+    k, rest = np.nan_to_num(Motion.of(robot, SplineBasis(1.0, 24, 7), np.zeros((24, m)), p).parallel).T
     stage = stage_functions(robot.shape)
     s = np.array(stage.unknowns(q, w, r)[1]).ravel()
-    exact = flat_map(robot.shape)(q, Y, Z, c, r)
+    exact = flat_map(robot.shape)(q, Y, Z, c, k, rest, np.zeros((1, 3)), r[:-1])
     q_M, _, tau, u, v, a = (np.array(x).ravel() for x in exact)
     for i, drive in enumerate(robot.drives):
         expected = (q_M[i], u[i]) if drive.elastic else (tau[i], v[robot.mechanism.actuated[i]])
@@ -126,7 +138,7 @@ def test_the_equations_hold_and_their_derivatives_are_exact(mechanisms: dict[str
     rng = np.random.default_rng(2)
     w = rng.normal(size=equations.w.numel())
     w[:2], w[-3:] = robot.mechanism.end_effector(robot.mechanism.seed), np.log(0.2)
-    r, mu = rng.uniform(0.1, 1.0, 2 * m), rng.normal(size=2 * m + 1)
+    r, mu = rng.uniform(0.1, 1.0, len(NUMBERS) * m + 1), rng.normal(size=2 * m + 1)
 
     def solved(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         q = ca.DM(robot.mechanism.seed)
@@ -161,3 +173,42 @@ def test_free_drive_leaves_a_well_conditioned_rest(mechanisms: dict[str, Mechani
 def test_wrong_number_of_drives(mechanisms: dict[str, Mechanism]) -> None:
     with pytest.raises(InputError, match=r"2 drives are given.*3 actuated joints"):
         actuation(mechanisms["pkm_3rrr"], [RIGID] * 2)
+
+
+def test_values_at_the_motor_are_seen_through_the_gear() -> None:
+    """A gear keeps power and losses: P = tau v + kappa tau^2 is the same on both sides."""
+    motor = Drive.model_validate(ELASTIC | FRICTION | {"gear_ratio": 50.0, "torque": 0.1, "speed": 300.0})
+    seen = motor.at_output()
+    assert seen.gear_ratio is None and seen.at_output() == seen
+    torque, speed, acceleration = 0.03, 20.0, 7.0
+    assert seen.copper_loss * (50 * torque) ** 2 == pytest.approx(motor.copper_loss * torque**2)
+    assert (seen.torque, seen.speed) == pytest.approx((5.0, 6.0))
+    assert seen.inertia * acceleration / 50 == pytest.approx(50 * motor.inertia * acceleration)
+    own = motor.coulomb * np.tanh(speed / motor.coulomb_width)
+    assert seen.coulomb * np.tanh(speed / 50 / seen.coulomb_width) == pytest.approx(50 * own)
+
+
+def test_payload_is_handed_over_during_the_rests() -> None:
+    cycle = task("pkm_2rrr", ELASTIC).cycle
+    mass = Payload(mass=0.4, pick=1, place=2).mass_over(cycle)
+    t = np.linspace(-1.0, 2.0, 3001)
+    np.testing.assert_allclose(mass(t + cycle.period, 0), mass(t, 0), atol=1e-12)
+    np.testing.assert_allclose(mass(np.array([0.06, 0.25, 0.44]), 0), 0.4)
+    np.testing.assert_allclose(mass(np.array([0.56, 0.75, 0.94]), 0), 0.0, atol=1e-12)
+    for order in (1, 2):
+        slope = np.gradient(mass(t, order - 1), t)
+        assert np.abs(slope - mass(t, order))[2:-2].max() < 1e-2 * np.abs(mass(t, order)).max()
+
+
+def test_payload_all_the_time_is_a_heavier_slider(tmp_path: Path) -> None:
+    """The same torques whether the mass is the task's payload or the URDF's."""
+    folder = tmp_path / "heavier"
+    shutil.copytree(load_mechanism("linear_axis_1").folder, folder)
+    (tree,) = folder.glob("*.urdf")
+    tree.write_text(tree.read_text().replace('mass value="2"', 'mass value="3.5"'))
+    loaded = build_problem(task("linear_axis_1", SLIDER_ELASTIC, payload={"mass": 1.5}))
+    setup = {"name": "setup", "mechanism": str(folder), "drives": SLIDER_ELASTIC}
+    heavier = build_problem(task("linear_axis_1", SLIDER_ELASTIC, setups=[setup]))
+    basis = SplineBasis(loaded.cycle.period, 24, 7)
+    motion = Motion(basis, path(loaded, basis, None), np.array([80.0]))
+    np.testing.assert_allclose(series(loaded, motion).tau, series(heavier, motion).tau, rtol=1e-9, atol=1e-9)

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from conftest import DIAGONAL, ELASTIC, RIGID
 
-from pkmsea.mechanism.urdf import find_folder
+from pkmsea.mechanism.urdf import find
 
 TASK = {
     "name": "test",
@@ -34,7 +34,7 @@ def write_task(folder: Path, **changes: object) -> Path:
 
 def copy_mechanism(folder: Path, urdf: tuple[str, str] = ("", ""), sidecar: tuple[str, str] = ("", "")) -> Path:
     """A copy of pkm_2rrr with one text replaced in its files."""
-    target, source = folder / "robot", find_folder("pkm_2rrr")
+    target, source = folder / "robot", find("pkm_2rrr")
     target.mkdir()
     for name, (old, new) in (("pkm_2rrr.urdf", urdf), ("mechanism.yaml", sidecar)):
         text = (source / name).read_text()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,3 +51,37 @@ def test_base_geometry_study(tmp_path: Path) -> None:
     header, row, *_ = table.read_text().splitlines()
     assert len(row.split(",")) == len(header.split(","))
     assert 90 < float(row.split(",")[3]) < 102  # PKM SEA of table 2 [%]
+
+
+@pytest.fixture(scope="module")
+def benchmark_cases(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    """The cases of a reduced run, with their results."""
+    folder = tmp_path_factory.mktemp("benchmark")
+    run("benchmarks/benchmark.py", folder, "--quick", "-o", str(folder))
+    report = (folder / "report.md").read_text()
+    assert "PKM SEA" in report and (folder / "benchmark.png").stat().st_size > 0
+    cases: list[dict[str, Any]] = json.loads((folder / "benchmark.json").read_text())["cases"]
+    return cases
+
+
+def test_benchmark(benchmark_cases: list[dict[str, Any]]) -> None:
+    """Ours is optimal and true on the default grid; the times add up; memory is that of a process with CasADi."""
+    case, *_ = (case for case in benchmark_cases if case["group"] == "setups")
+    result, (record,) = case["result"], case["result"]["runs"]
+    assert record["outcome"] == "optimal"
+    assert abs(record["claimed"] / record["energy"] - 1) < 5e-3  # the audit's own limit
+    assert 0 < record["evaluation_seconds"] < record["solver_seconds"] <= record["seconds"]
+    assert 50 < result["memory_MB"] < 2000
+    warm, cold = (next(c["result"][k] for c in benchmark_cases if c["kind"] == "neighbours") for k in ("warm", "cold"))
+    assert warm["iterations"] < cold["iterations"]
+
+
+def test_benchmark_baseline(benchmark_cases: list[dict[str, Any]]) -> None:
+    """The rockit models are the audit's, or the benchmark says what to install."""
+    results = [case["result"] for case in benchmark_cases if case["kind"] == "rockit"]
+    assert len(results) == 2
+    if any("rockit is not installed" in result.get("error", "") for result in results):
+        pytest.skip(results[0]["error"])
+    for result in results:
+        assert result["model_disagreement"] < 1e-9  # solve_rockit.AGREEMENT
+        assert result["runs"][0]["iterations"] > 0

@@ -3,11 +3,15 @@
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, task
+from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, task
 
+from pkmsea.paper import paper_task
 from pkmsea.problem import build_problem
+from pkmsea.solver.ipopt import solve_nlp
+from pkmsea.task import Spline
 from pkmsea.transcription import transcribe
 from pkmsea.transcription.bases import Basis, FourierBasis, SplineBasis, derivative_weights
+from pkmsea.transcription.default import FlatTranscription
 from pkmsea.transcription.flat import FlatNlp
 from pkmsea.transcription.guess import start
 
@@ -47,12 +51,15 @@ def test_difference_weights_are_exact_for_polynomials(order: int) -> None:
         ("pkm_2rrr", RIGID | LIMITED),
         ("pkm_3rrr", ELASTIC | LIMITED),
         ("pkm_3rrr", [RIGID, ELASTIC, ELASTIC]),
+        ("pkm_2rrr", [ELASTIC | FRICTION | PARALLEL | {"cubic": 0.5} | LIMITED, RIGID | FRICTION | PARALLEL]),
+        ("pkm_3rrr", [ELASTIC | FRICTION | {"cubic": 0.5}, RIGID | FRICTION, ELASTIC | PARALLEL]),
     ],
 )
 def test_exact_derivatives(basis: Basis, mechanism: str, drives: object) -> None:
     """Gradient, Jacobian and Hessian of the Lagrangian along a random direction, against central differences."""
     limits = {"joints": {"velocity": {"elbow_A": 40.0}, "acceleration": 900.0, "position": {"A": [-3, 3]}}}
-    problem = build_problem(task(mechanism, drives, limits=limits))
+    payload = {"mass": 0.2, "pick": 1, "place": 2}
+    problem = build_problem(task(mechanism, drives, limits=limits, payload=payload))
     nlp = FlatNlp(problem, basis, 96, problem.bounds)
     rng = np.random.default_rng(3)
     x = start(problem, nlp.robot, rng)
@@ -110,6 +117,19 @@ def test_observed_order_of_the_motor_coordinates() -> None:
         finest = tau if finest is None else finest
         errors.append(np.abs(tau - finest).max())
     assert np.log2(errors[1] / errors[2]) > 7.0
+
+
+def test_observed_order_of_the_optimal_energy() -> None:
+    """The least energy converges with order 3 in the knots, as smooth as the optimum is; more than 2 must be seen."""
+    problem = build_problem(paper_task(3, {"copper_loss": 63.2, "friction": 4.8e-3}), "PKM SEA")
+    energies = []
+    for knots in (25, 50, 100, 200):
+        transcription = FlatTranscription(problem, Spline(kind="spline", knots=knots), 4 * knots)
+        point = solve_nlp(transcription.nlp(transcription.start(None), limited=False), problem.options)
+        energies.append(transcription.energy(point.x))
+    errors = np.array(energies[:-1]) - energies[-1]
+    assert np.all(np.log2(errors[:-1] / errors[1:]) > 2.0)
+    assert errors[1] < 1e-3 * energies[-1]  # the default size
 
 
 def test_random_starts_are_reproducible_and_differ() -> None:

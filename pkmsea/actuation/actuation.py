@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
+from typing import Literal
 
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation.drive import Drive
+from pkmsea.actuation.drive import Drive, as_range
 from pkmsea.errors import InputError
 from pkmsea.mechanism import Mechanism, pose
 
@@ -21,12 +22,16 @@ RIGID_PENALTY = 0.1
 class Shape:
     """What a robot's Functions are built for; all its numbers are inputs of theirs, so that robots can share them.
 
-    `elastic` are the series elastic drives, `free` those whose coordinate belongs to the flat output.
+    `elastic` are the series elastic drives, `free` those whose coordinate belongs to the flat output, `cubic` those
+    whose spring hardens, `parallel` those with a spring beside them; `payload`: whether the end effector carries one.
     """
 
     mechanism: Mechanism
     elastic: tuple[int, ...]
     free: tuple[int, ...]
+    cubic: tuple[int, ...] = ()
+    parallel: tuple[int, ...] = ()
+    payload: bool = False
 
     @property
     def m(self) -> int:
@@ -39,6 +44,36 @@ class Shape:
         return [i for i in range(self.m) if i not in self.free]
 
 
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the robot that is a variable of the optimisation, fixed where low equals high.
+
+    `kind` is c (series stiffness), k or rest (of the parallel spring); stiffnesses are optimised by their logarithm.
+    """
+
+    kind: Literal["c", "k", "rest"]
+    drive: int
+    label: str
+    low: float
+    high: float
+
+    @property
+    def logarithmic(self) -> bool:
+        return self.kind != "rest"
+
+    @property
+    def name(self) -> str:
+        return f"ln {self.kind} {self.label}" if self.logarithmic else f"{self.kind} {self.label}"
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Bounds of the variable."""
+        return (float(np.log(self.low)), float(np.log(self.high))) if self.logarithmic else (self.low, self.high)
+
+
+NUMBERS = ("inertia", "friction", "coulomb", "coulomb_width", "cubic")  # r holds each for all drives, then the payload
+
+
 @dataclass(frozen=True, eq=False)
 class Actuation:
     """A mechanism with m drives; rigid and series elastic ones may be mixed, and m may exceed the mobility delta.
@@ -47,12 +82,14 @@ class Actuation:
     and N_A its rows at the drives, fixes the forces u of delta `dependent` drives. Each of the m - delta `free` drives
     adds one entry to z: its motor position q_M if it is elastic, its torque tau if it is rigid.
 
-    `poses` (n,) each, are where the robot works; by default the mechanism's seed.
+    `poses` (n,) each, are where the robot works; by default the mechanism's seed. `payload` gives the mass at the end
+    effector [kg] and its derivatives: (times, order) -> (len(times),).
     """
 
     mechanism: Mechanism
     drives: tuple[Drive, ...]
     poses: tuple[np.ndarray, ...] = ()
+    payload: Callable[[np.ndarray, int], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
         m, delta = len(self.mechanism.actuated), self.mechanism.mobility
@@ -101,7 +138,30 @@ class Actuation:
     @cached_property
     def shape(self) -> Shape:
         """This robot without its numbers."""
-        return Shape(self.mechanism, tuple(self.elastic), tuple(self.free))
+        cubic = tuple(i for i, drive in enumerate(self.drives) if drive.cubic)
+        parallel = tuple(i for i, drive in enumerate(self.drives) if drive.parallel)
+        return Shape(self.mechanism, tuple(self.elastic), tuple(self.free), cubic, parallel, self.payload is not None)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Stiffness of each elastic drive; then stiffness and rest position of each parallel spring."""
+        series = [Parameter("c", i, self.labels[i], *self.drives[i].stiffness_range) for i in self.elastic]
+        beside = [
+            parameter
+            for i, drive in enumerate(self.drives)
+            if (spring := drive.parallel) is not None
+            for parameter in (
+                Parameter("k", i, self.labels[i], *as_range(spring.stiffness)),
+                Parameter("rest", i, self.labels[i], *as_range(spring.rest)),
+            )
+        ]
+        return (*series, *beside)
+
+    def stage_numbers(self, t: np.ndarray) -> np.ndarray:
+        """r at times t, (len(t), 5m + 1): NUMBERS of all drives, and the payload [kg]."""
+        fixed = np.concatenate([self.numbers(key) for key in NUMBERS])
+        mass = np.zeros(t.size) if self.payload is None else self.payload(t, 0)
+        return np.hstack([np.broadcast_to(fixed, (t.size, fixed.size)), mass[:, None]])
 
     @cached_property
     def elastic(self) -> list[int]:

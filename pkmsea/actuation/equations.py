@@ -5,11 +5,12 @@ Instead of one long expression for the drives' forces, the unknowns xi = (q, v, 
     Psi(q)                                   = [0; y]       loops closed, end effector at y
     A(q) v                                   = [0; y']
     A(q) a + dA/dt v                         = [0; y'']
-    u_i - c_i (z_i - q_A,i)                  = 0            a free elastic drive
-    u_i + M_M,i a_A,i + d_v,i v_A,i - z_i    = 0            a free rigid drive
-    rnea(q, v, a) - S_A^T u - G^T lambda     = 0            the tree with its drives and closure forces
+    u_i - f_i(z_i - q_A,i)                   = 0            a free elastic drive with spring force f
+    u_i + M_M,i a_A,i + d_v,i v_A,i + F_i - z_i = 0         a free rigid drive
+    rnea(q, v, a) + J_E^T m_L (dv_E/dt - g) - S_A^T (u + u_P) - G^T lambda = 0    tree, payload, drives, closure forces
 
-given w = (y, y', y'', z, theta) with theta = ln c. What the cost and the limits need are the outputs s. Once the
+given w = (y, y', y'', z, p) with the parameters p: ln c of the series springs, ln k and rest position of the parallel
+ones. What the cost and the limits need are the outputs s. Once the
 groups before it are known, each group of equations is linear in its own unknowns, with A, 1 or L in front; so dxi/dw
 and the adjoints follow group by group, as expressions.
 """
@@ -21,17 +22,18 @@ from functools import lru_cache
 
 import casadi as ca
 
-from pkmsea.actuation.actuation import Shape, dependent_columns, on_joints, stack
+from pkmsea.actuation.actuation import NUMBERS, Shape, dependent_columns, on_joints, stack
+from pkmsea.actuation.elements import coulomb, payload_load, spring_deflection, spring_force
 from pkmsea.mechanism import pose
 
 
 @dataclass(frozen=True)
 class StageFunctions:
-    """Functions of one instant. Sizes: n joints, delta, m drives, k = m - delta; xi has 4n + k entries, w 3delta+k+m.
+    """Functions of one instant. Sizes: n joints, m drives, k = m - delta; xi has 4n + k entries.
 
-    `numbers` r = (M_M, d_v), (2m,), are parameters. The outputs s are (q_M, u) of an elastic drive, (tau, v_A) of a
-    rigid one, drive by drive; then q, v, a of all joints. s_D are those that are differentiated: all of the drives,
-    and the `limited` ones of the joints.
+    r, (5m + 1,), is `Actuation.stage_numbers` at the instant. The outputs s are (q_M, u) of an elastic drive,
+    (tau, v_A) of a rigid one, drive by drive; then q, v, a of all joints. s_D are those that are differentiated: all of
+    the drives, and the `limited` ones of the joints.
 
     Attributes
     ----------
@@ -88,8 +90,9 @@ def stage(shape: Shape) -> Stage:
     q, v, a = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("a", n)
     u_free, u_dependent, lam = ca.SX.sym("u_f", k), ca.SX.sym("u_d", delta), ca.SX.sym("lambda", n - delta)
     y, dy, ddy = ca.SX.sym("y", delta), ca.SX.sym("dy", delta), ca.SX.sym("ddy", delta)
-    z, theta = ca.SX.sym("z", k), ca.SX.sym("theta", m)
-    inertia, friction = ca.SX.sym("M_M", m), ca.SX.sym("d_v", m)
+    z, p = ca.SX.sym("z", k), ca.SX.sym("p", len(shape.elastic) + 2 * len(shape.parallel))
+    r = ca.SX.sym("r", len(NUMBERS) * m + 1)
+    drives = _drives(shape, q, v, a, p, r)
     u = ca.SX(m, 1)
     u[list(shape.free)], u[shape.dependent] = u_free, u_dependent
 
@@ -97,21 +100,18 @@ def stage(shape: Shape) -> Stage:
     gamma = ca.jtimes(ca.mtimes(A, v), q, v)
     G = mechanism.functions["closure_jacobian"](q)
     zero = ca.SX(n - delta, 1)
-    at = mechanism.actuated
-    force = [
-        ca.exp(theta[i]) * (z[j] - q[at[i]])
-        if i in shape.elastic
-        else z[j] - inertia[i] * a[at[i]] - friction[i] * v[at[i]]
-        for j, i in enumerate(shape.free)
-    ]
+    force = [drives[i].force(z[j]) for j, i in enumerate(shape.free)]
+    forces = u + ca.vertcat(*[drive.parallel for drive in drives])
+    load = mechanism.tree.inverse_dynamics(q, v, a) + payload_load(shape, q, v, a, r[-1])
     R = ca.vertcat(
         Psi - ca.vertcat(zero, y),
         ca.mtimes(A, v) - ca.vertcat(zero, dy),
         ca.mtimes(A, a) + gamma - ca.vertcat(zero, ddy),
         u_free - stack(force),
-        mechanism.tree.inverse_dynamics(q, v, a) - on_joints(u, at, n) - ca.mtimes(G.T, lam),
+        load - on_joints(forces, mechanism.actuated, n) - ca.mtimes(G.T, lam),
     )
-    s = ca.vertcat(_drive_outputs(shape, q, v, a, u, z, theta, inertia, friction), q, v, a)
+    free = {i: z[j] for j, i in enumerate(shape.free)}
+    s = ca.vertcat(*[row for i in range(m) for row in drives[i].outputs(u[i], free.get(i))], q, v, a)
     L = ca.horzcat(ca.SX(dependent_columns(shape)), G.T)
     edges = (0, n, 2 * n, 3 * n, 3 * n + k, 4 * n + k)
     inverse_A = ca.inv(A)
@@ -119,8 +119,8 @@ def stage(shape: Shape) -> Stage:
     groups = tuple(
         (slice(start, stop), inverse) for start, stop, inverse in zip(edges, edges[1:], inverses, strict=False)
     )
-    xi, w = ca.vertcat(q, v, a, u_free, u_dependent, lam), ca.vertcat(y, dy, ddy, z, theta)
-    return Stage(xi, w, ca.vertcat(inertia, friction), R, s, A, L, groups)
+    xi, w = ca.vertcat(q, v, a, u_free, u_dependent, lam), ca.vertcat(y, dy, ddy, z, p)
+    return Stage(xi, w, r, R, s, A, L, groups)
 
 
 @lru_cache(maxsize=32)
@@ -161,25 +161,50 @@ def _function(
     return ca.Function(name, inputs, [ca.densify(x) for x in ca.cse(outputs)], names_in, names_out)
 
 
-def _drive_outputs(
-    shape: Shape,
-    q: ca.SX,
-    v: ca.SX,
-    a: ca.SX,
-    u: ca.SX,
-    z: ca.SX,
-    theta: ca.SX,
-    inertia: ca.SX,
-    friction: ca.SX,
-) -> ca.SX:
-    """(2m,): (q_M, u) of an elastic drive, (tau, v_A) of a rigid one."""
-    rows: list[ca.SX] = []
-    for i in range(shape.m):
-        j = shape.mechanism.actuated[i]
-        if i not in shape.elastic:
-            rows += [u[i] + inertia[i] * a[j] + friction[i] * v[j], v[j]]
-        elif i in shape.free:
-            rows += [z[shape.free.index(i)], u[i]]
-        else:
-            rows += [q[j] + u[i] * ca.exp(-theta[i]), u[i]]
-    return stack(rows)
+@dataclass(frozen=True)
+class _DriveAt:
+    """One drive at an instant: its joint's motion, and its numbers as symbols."""
+
+    shape: Shape
+    index: int
+    q: ca.SX
+    v: ca.SX
+    a: ca.SX
+    c: ca.SX
+    numbers: dict[str, ca.SX]
+    parallel: ca.SX  # u_P
+
+    @property
+    def losses(self) -> ca.SX:
+        """Torque that moves a rigid drive's rotor."""
+        r = self.numbers
+        return r["inertia"] * self.a + r["friction"] * self.v + coulomb(r["coulomb"], r["coulomb_width"], self.v)
+
+    def force(self, z: ca.SX) -> ca.SX:
+        """u of a free drive whose coordinate is z."""
+        if self.index in self.shape.elastic:
+            return spring_force(self.shape, self.index, self.c, self.numbers["cubic"], z - self.q)
+        return z - self.losses
+
+    def outputs(self, u: ca.SX, z: ca.SX | None) -> tuple[ca.SX, ca.SX]:
+        """(q_M, u) of an elastic drive, (tau, v_A) of a rigid one; z is None for a dependent drive."""
+        if self.index not in self.shape.elastic:
+            return u + self.losses, self.v
+        if z is not None:
+            return z, u
+        return self.q + spring_deflection(self.shape, self.index, self.c, self.numbers["cubic"], u), u
+
+
+def _drives(shape: Shape, q: ca.SX, v: ca.SX, a: ca.SX, p: ca.SX, r: ca.SX) -> list[_DriveAt]:
+    m, first = shape.m, len(shape.elastic)
+    result = []
+    for i, joint in enumerate(shape.mechanism.actuated):
+        numbers = {key: r[k * m + i] for k, key in enumerate(NUMBERS)}
+        c, parallel = ca.SX(0), ca.SX(0)
+        if i in shape.elastic:
+            c = ca.exp(p[shape.elastic.index(i)])
+        if i in shape.parallel:
+            log_k, rest = ca.vertsplit(p[first + 2 * shape.parallel.index(i) :][:2])
+            parallel = ca.exp(log_k) * (rest - q[joint])
+        result.append(_DriveAt(shape, i, q[joint], v[joint], a[joint], c, numbers, parallel))
+    return result

@@ -6,7 +6,8 @@ from functools import lru_cache
 
 import casadi as ca
 
-from pkmsea.actuation.actuation import Shape, dependent_columns, on_joints, stack
+from pkmsea.actuation.actuation import NUMBERS, Shape, dependent_columns, on_joints, stack
+from pkmsea.actuation.elements import coulomb, payload_load, spring_deflection, spring_force
 from pkmsea.mechanism import pose
 
 
@@ -15,7 +16,9 @@ def flat_map(shape: Shape) -> ca.Function:
     """The Function `flat_map`: y, y', ... -> q_M, v_M, tau and what lies between, no derivative approximated.
 
     Inputs: q (n,), the closed pose at r_E (`Mechanism.configuration`); Y (delta, 5), r_E and four derivatives;
-    Z (m - delta, 3), z and two derivatives; c (m,) stiffnesses (ignored where rigid); r = (M_M, d_v) (2m,).
+    Z (m - delta, 3), z and two derivatives; c (m,) stiffnesses (ignored where rigid); k (m,) and rest (m,) of the
+    parallel springs (ignored where there is none); L (1, 3), the payload's mass and two derivatives; r (5m,), NUMBERS
+    of all drives.
     Outputs: q_M, v_M (m,), joint position and velocity for a rigid drive; tau (m,); u (m,); v, a (n,).
 
     The load equation gives q_M = f_M(y, y', y''); its two time derivatives and tau = f_tau(y, ..., y'''') follow by
@@ -25,22 +28,28 @@ def flat_map(shape: Shape) -> ca.Function:
     n, delta, m = mechanism.model.nq, mechanism.mobility, shape.m
     k = m - delta
     q, Y, Z = ca.SX.sym("q", n), ca.SX.sym("Y", delta, 5), ca.SX.sym("Z", k, 3)
-    c, inertia, friction = ca.SX.sym("c", m), ca.SX.sym("M_M", m), ca.SX.sym("d_v", m)
+    c, k_P, rest, L = ca.SX.sym("c", m), ca.SX.sym("k", m), ca.SX.sym("rest", m), ca.SX.sym("L", 1, 3)
+    r = ca.SX.sym("r", len(NUMBERS) * m)
+    inertia, friction, F_C, width, cubic = ca.vertsplit(r, m)
     at = mechanism.actuated
 
     _, A = pose.task_system(mechanism)(q)
     zero = ca.SX(n - delta, 1)
     v = ca.densify(ca.solve(A, ca.vertcat(zero, Y[:, 1])))
-    jet = ca.vertcat(q, ca.vec(Y[:, :4]), ca.vec(Z[:, :2]))
-    jet_rate = ca.vertcat(v, ca.vec(Y[:, 1:]), ca.vec(Z[:, 1:]))
+    jet = ca.vertcat(q, ca.vec(Y[:, :4]), ca.vec(Z[:, :2]), L[:, :2].T)
+    jet_rate = ca.vertcat(v, ca.vec(Y[:, 1:]), ca.vec(Z[:, 1:]), L[:, 1:].T)
 
     def rate(expression: ca.SX) -> ca.SX:
         return ca.densify(ca.jtimes(expression, jet, jet_rate))
 
     a = rate(v)
-    load = mechanism.tree.inverse_dynamics(q, v, a)
+    load = mechanism.tree.inverse_dynamics(q, v, a) + payload_load(shape, q, v, a, L[0])
+    for i in shape.parallel:
+        load[at[i]] -= k_P[i] * (rest[i] - q[at[i]])
     u_free = [
-        c[i] * (Z[j, 0] - q[at[i]]) if i in shape.elastic else Z[j, 0] - inertia[i] * a[at[i]] - friction[i] * v[at[i]]
+        spring_force(shape, i, c[i], cubic[i], Z[j, 0] - q[at[i]])
+        if i in shape.elastic
+        else Z[j, 0] - inertia[i] * a[at[i]] - friction[i] * v[at[i]] - coulomb(F_C[i], width[i], v[at[i]])
         for j, i in enumerate(shape.free)
     ]
     u = ca.SX(m, 1)
@@ -49,26 +58,28 @@ def flat_map(shape: Shape) -> ca.Function:
     solved = ca.solve(ca.horzcat(ca.SX(dependent_columns(shape)), G.T), load - on_joints(u, at, n))
     u[shape.dependent] = solved[:delta]
 
-    q_M = stack([q[at[i]] + (u[i] / c[i] if i in shape.elastic else 0) for i in range(m)])
+    q_M = stack(
+        [q[at[i]] + (spring_deflection(shape, i, c[i], cubic[i], u[i]) if i in shape.elastic else 0) for i in range(m)]
+    )
     for j, i in enumerate(shape.free):
         if i in shape.elastic:
             q_M[i] = Z[j, 0]
     v_M = rate(q_M)
     a_M = rate(v_M)
-    tau = u + inertia * a_M + friction * v_M
+    tau = u + inertia * a_M + friction * v_M + coulomb(F_C, width, v_M)
     outputs = ca.cse([q_M, v_M, ca.densify(tau), ca.densify(u), v, a])
     return ca.Function(
         "flat_map",
-        [q, Y, Z, c, ca.vertcat(inertia, friction)],
+        [q, Y, Z, c, k_P, rest, L, r],
         outputs,
-        ["q", "Y", "Z", "c", "r"],
+        ["q", "Y", "Z", "c", "k", "rest", "L", "r"],
         ["q_M", "v_M", "tau", "u", "v", "a"],
     )
 
 
 @lru_cache(maxsize=16)
 def flat_map_of_columns(shape: Shape) -> ca.Function:
-    """`flat_map` with Y and Z as columns, derivative after derivative, so that it can be mapped over instants."""
+    """`flat_map` with Y, Z and L as columns, derivative after derivative, so that it can be mapped over instants."""
     exact = flat_map(shape)
     inputs = [ca.SX.sym(exact.name_in(i), exact.numel_in(i)) for i in range(exact.n_in())]
     shaped = [ca.reshape(x, *exact.size_in(i)) for i, x in enumerate(inputs)]

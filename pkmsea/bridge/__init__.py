@@ -79,22 +79,30 @@ def _unstack(stacked: ca.Function, frames: Sequence[str], output: str) -> dict[s
     }
 
 
+def joint_axis(model: pin.Model, index: int) -> tuple[np.ndarray, bool]:
+    """Axis of a joint in its own frame, and whether it turns about it or slides along it.
+
+    Raises
+    ------
+    BridgeError : the joint is neither revolute nor prismatic.
+    """
+    joint = model.joints[index]
+    if joint.nq == 1 and joint.nv == 1:
+        data = joint.createData()
+        joint.calc(data, np.zeros(model.nq))
+        linear, angular = np.split(np.asarray(data.S).reshape(6), 2)
+        if linear.any() != angular.any():
+            return (angular, True) if angular.any() else (linear, False)
+    raise _unsupported(model.names[index], joint.shortname())
+
+
 def _joint(model: pin.Model, index: int) -> _bridge.Joint:
-    joint, name = model.joints[index], model.names[index]
-    kind = joint.shortname()
-    if joint.nq != 1 or joint.nv != 1:
-        raise _unsupported(name, kind)
-    data = joint.createData()
-    joint.calc(data, np.zeros(model.nq))
-    subspace = np.asarray(data.S).reshape(6)
-    linear, angular = subspace[:3], subspace[3:]
-    if linear.any() == angular.any():
-        raise _unsupported(name, kind)
+    axis, turning = joint_axis(model, index)
     placement, inertia = model.jointPlacements[index], model.inertias[index]
     return _bridge.Joint(
         model.parents[index],
-        bool(angular.any()),
-        list(angular if angular.any() else linear),
+        turning,
+        list(axis),
         _flat(placement.rotation),
         list(placement.translation),
         inertia.mass,
@@ -112,10 +120,22 @@ def _unsupported(name: str, kind: str) -> BridgeError:
 
 
 def _frame(model: pin.Model, name: str) -> _bridge.Frame:
-    if not model.existFrame(name):
-        raise NameNotFound("frame", name, [frame.name for frame in model.frames])
-    frame = model.frames[model.getFrameId(name)]
+    frame = model.frames[frame_id(model, name)]
     return _bridge.Frame(frame.parentJoint, _flat(frame.placement.rotation), list(frame.placement.translation))
+
+
+def frame_id(model: pin.Model, name: str) -> int:
+    """Index of a frame; where a link and a joint have the same name, the link is meant.
+
+    Raises
+    ------
+    NameNotFound : no frame has this name.
+    """
+    kinds = [frame.type for frame in model.frames if frame.name == name]
+    if not kinds:
+        raise NameNotFound("frame", name, [frame.name for frame in model.frames])
+    kind = pin.FrameType.BODY if pin.FrameType.BODY in kinds else kinds[0]
+    return int(model.getFrameId(name, kind))
 
 
 def _flat(matrix: np.ndarray) -> list[float]:

@@ -1,104 +1,111 @@
-"""Assembling a Mechanism: URDF and sidecar in, checked names, closed loops and named Functions out."""
+"""Assembling a Mechanism: files in any convention in, checked names, closed loops and named Functions out."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from pkmsea.bridge import TreeFunctions, tree_functions
-from pkmsea.errors import BridgeError, InputError, MechanismError, NameNotFound
-from pkmsea.files import read
-from pkmsea.mechanism import closures, pose, urdf
-from pkmsea.mechanism.mechanism import Mechanism
+from pkmsea.bridge import TreeFunctions, frame_id, tree_functions
+from pkmsea.errors import BridgeError, MechanismError, NameNotFound
+from pkmsea.mechanism import closures, plane, propose, urdf
+from pkmsea.mechanism.conventions import Source, read_source
+from pkmsea.mechanism.mechanism import Mechanism, Origin
+from pkmsea.mechanism.mobility import Loops, close_loops
 from pkmsea.mechanism.sidecar import Sidecar
 
-SIDECAR = "mechanism.yaml"
 AXES = {"x": 0, "y": 1, "z": 2}
+SINGULAR = 1e8  # condition number of H
+MASSLESS = 1e-12  # smallest over largest eigenvalue of M
 
 
-def load_mechanism(source: str | Path) -> Mechanism:
-    """Load a mechanism from a folder with a `*.urdf` and a `mechanism.yaml`, or by the name of one that pkmsea ships.
+def load_mechanism(source: str | Path, guess: bool = False) -> Mechanism:
+    """Load a mechanism from a folder, a sidecar or a tree (see `pkmsea.mechanism.conventions`), or by the name of one
+    that pkmsea ships.
+
+    With `guess`, drives, end effector and seed that the files leave open are proposed, and named in
+    `mechanism.origin.proposed`.
 
     Raises
     ------
     InputError : names file, key, value and remedy.
     """
-    folder = urdf.find_folder(source)
-    file = folder / SIDECAR
-    sidecar = read(Sidecar, file)
-    path = urdf.find_urdf(folder, sidecar.urdf)
-    model, text = urdf.read_model(path)
-    model.gravity.linear = np.array(sidecar.gravity)
-    _check_names(model, sidecar, file)
-    frames = [frame for closure in sidecar.closures for frame in closure.frames] + [sidecar.end_effector.frame]
-    try:
-        tree = tree_functions(model, list(dict.fromkeys(frames)))
-    except BridgeError as error:
-        raise BridgeError(error.cause, error.remedy, file=path, key=error.key) from None
-
+    said = read_source(urdf.find(source))
+    model, text, notes = urdf.build_model(said)
+    _check_frames(model, said)
+    propose.check_joint_names(said, model)
+    draft = said.draft
+    closing = [frame for closure in draft.closures for frame in closure.frames]
+    tree = _tree(model, closing, said)
     q = ca.SX.sym("q", model.nq)
-    Phi = closures.residual(q, tree, sidecar.closures, sidecar.plane.normal if sidecar.plane else None)
-    seed, mobility, rows = _close(Phi, q, model, sidecar, file)
-    functions = closures.functions(Phi, q, rows)
-    functions |= _minimal(functions, tree, model, sidecar, mobility, file)
-    mechanism = Mechanism(folder.resolve().name, folder, sidecar, model, text, tree, functions, seed, mobility)
-    _check_independent(mechanism, file)
+    Phi = closures.residual(q, tree, draft, list(model.names)[1:])
+    every_row = ca.Function("closure", [q], [Phi, ca.densify(ca.jacobian(Phi, q))], ["q"], ["Phi", "G"])
+    worth = partial(propose.worth, said, model) if guess else None
+    loops = close_loops(every_row, closures.sense(q, tree, draft.closures), model, said, worth)
+    plane.check(model, loops.seed, said)
+    sidecar, proposed = propose.complete(said, loops, model, guess)
+    tree = _tree(model, [*closing, sidecar.end_effector.frame], said)
+    functions = closures.functions(Phi, q, loops.rows)
+    functions |= _minimal(functions, tree, model, sidecar)
+    origin = Origin(said.tree, said.sidecar, said.labels, proposed, tuple(notes), _conditioning(loops, model, sidecar))
+    mechanism = Mechanism(
+        said.name,
+        said.folder,
+        sidecar,
+        model,
+        text,
+        tree,
+        functions,
+        loops.seed,
+        loops.mobility,
+        origin,
+    )
+    _check_motion(mechanism, said)
     return mechanism
 
 
-def _check_names(model: pin.Model, sidecar: Sidecar, file: Path) -> None:
-    joints = list(model.names)[1:]
-    for key, names in (("actuated", sidecar.actuated), ("independent", sidecar.independent), ("seed", sidecar.seed)):
-        for name in names:
-            if name not in joints:
-                raise NameNotFound("joint", name, joints, file=file, key=key)
-    frames = sorted({frame.name for frame in model.frames})
-    named = [(f"closures.{i}.frames", frame) for i, c in enumerate(sidecar.closures) for frame in c.frames]
-    for key, frame in [*named, ("end_effector.frame", sidecar.end_effector.frame)]:
+def _tree(model: pin.Model, frames: list[str], source: Source) -> TreeFunctions:
+    try:
+        return tree_functions(model, list(dict.fromkeys(frames)))
+    except BridgeError as error:
+        raise BridgeError(error.cause, error.remedy, file=source.tree, key=error.key) from None
+
+
+def _check_frames(model: pin.Model, source: Source) -> None:
+    frames, draft = sorted({frame.name for frame in model.frames}), source.draft
+    named = [("closures", f"closures.{i}.frames", frame) for i, c in enumerate(draft.closures) for frame in c.frames]
+    if draft.end_effector is not None:
+        named.append(("end_effector", "end_effector.frame", draft.end_effector.frame))
+    for key, place, frame in named:
         if frame not in frames:
-            raise NameNotFound("frame", frame, frames, file=file, key=key)
+            raise NameNotFound("frame", frame, frames, file=source.where(key), key=place)
+    for i, closure in enumerate(draft.closures):
+        if len({model.frames[frame_id(model, frame)].parentJoint for frame in closure.frames}) == 1:
+            raise MechanismError(
+                "Both frames are on the same link.", "Name one frame on each side of the loop.",
+                file=source.where("closures"), key=f"closures.{i}.frames", value=list(closure.frames),
+            )  # fmt: skip
 
 
-def _close(Phi: ca.SX, q: ca.SX, model: pin.Model, sidecar: Sidecar, file: Path) -> tuple[np.ndarray, int, list[int]]:
-    """A closed seed pose, the mobility by rank, and the independent rows of Phi, chosen at the most generic pose."""
-    every_row = ca.Function("closure", [q], [Phi, ca.densify(ca.jacobian(Phi, q))])
-    guess = np.array([sidecar.seed.get(name, 0.0) for name in list(model.names)[1:]])
-    seed = pose.close(every_row, guess)
-    if seed is None:
-        gap = float(np.abs(np.array(every_row(guess)[0])).max())
-        raise MechanismError(
-            f"The loops do not close from the seed pose; they stay open by up to {gap:.3g} m there.",
-            "Give joint positions near a closed pose under 'seed'.", file=file, key="seed",
-        )  # fmt: skip
-    poses = [seed, *pose.scatter(every_row, seed)]
-    ranked = [(closures.independent_rows(np.array(every_row(p)[1])), p) for p in poses]
-    rows = max((chosen for chosen, _ in ranked), key=len)
-    mobility = model.nq - len(rows)
-    if mobility == 0:
-        raise MechanismError("The closed mechanism cannot move.", "Remove a closure.", file=file, key="closures")
-    return seed, mobility, rows
+def _conditioning(loops: Loops, model: pin.Model, sidecar: Sidecar) -> float:
+    joints = list(model.names)[1:]
+    return loops.conditioning([joints.index(name) for name in sidecar.independent])
 
 
 def _minimal(
-    closed: dict[str, ca.Function], tree: TreeFunctions, model: pin.Model, sidecar: Sidecar, mobility: int, file: Path
+    closed: dict[str, ca.Function], tree: TreeFunctions, model: pin.Model, sidecar: Sidecar
 ) -> dict[str, ca.Function]:
     """r_E, J_E, H, H_A, M and g as Functions of q (and v_ind), by eliminating the dependent joints."""
     joints = list(model.names)[1:]
     independent = [joints.index(name) for name in sidecar.independent]
-    if len(set(independent)) != mobility:
-        raise MechanismError(
-            f"{len(independent)} independent coordinates are named, but the mobility of the closed mechanism is "
-            f"{mobility}.",
-            f"Name {mobility} different joint(s).", file=file, key="independent", value=list(sidecar.independent),
-        )  # fmt: skip
     dependent = [i for i in range(model.nq) if i not in independent]
-    q, v_ind = ca.SX.sym("q", model.nq), ca.SX.sym("v_ind", mobility)
+    q, v_ind = ca.SX.sym("q", model.nq), ca.SX.sym("v_ind", len(independent))
     G = closed["closure_jacobian"](q)
-    H = ca.SX(model.nq, mobility)
-    H[independent, :] = ca.SX.eye(mobility)
+    H = ca.SX(model.nq, len(independent))
+    H[independent, :] = ca.SX.eye(len(independent))
     gamma = ca.SX(model.nq, 1)
     if dependent:
         H[dependent, :] = -ca.solve(G[:, dependent], G[:, independent])
@@ -127,13 +134,18 @@ def _minimal(
     }
 
 
-def _check_independent(mechanism: Mechanism, file: Path) -> None:
+def _check_motion(mechanism: Mechanism, source: Source) -> None:
+    """At the seed, the independent coordinates determine the motion, and every motion moves a mass."""
     H = mechanism.velocity_map(mechanism.seed)
-    if not np.all(np.isfinite(H)) or np.linalg.cond(H) > 1e8:
+    if not np.all(np.isfinite(H)) or np.linalg.cond(H) > SINGULAR:
         raise MechanismError(
             "The independent coordinates do not determine the motion at the seed pose.",
-            "Name other joints, or give a seed away from the singularity.",
-            file=file, key="independent", value=list(mechanism.sidecar.independent),
+            "Name other joints, leave the key out, or give a seed away from the singularity.",
+            file=source.where("independent"), key="independent", value=list(mechanism.sidecar.independent),
         )  # fmt: skip
-    if not any(mechanism.tree.mass_matrix(mechanism.seed).nonzeros()):
-        raise InputError("No link has a mass.", "Give the links inertials.", file=mechanism.folder)
+    inertia = np.linalg.eigvalsh(mechanism.mass_matrix(mechanism.seed))
+    if not inertia[0] > MASSLESS * inertia[-1]:
+        raise MechanismError(
+            "The mechanism can move without moving a mass.", "Give its links inertials, with mass and inertia.",
+            file=source.tree, key="link: inertial",
+        )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Loop closures as equations: the residual Phi(q) with its Jacobian and bias, independent rows only."""
+"""Loop closures and couplings as equations: the residual Phi(q), its Jacobian and bias."""
 
 from __future__ import annotations
 
@@ -8,24 +8,42 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.bridge import TreeFunctions
-from pkmsea.mechanism.sidecar import Closure
+from pkmsea.mechanism.sidecar import Closure, Draft
 
 
-def residual(q: ca.SX, tree: TreeFunctions, closures: Sequence[Closure], normal: Sequence[float] | None) -> ca.SX:
-    """Phi(q), all rows: p_2 - p_1 in the world for a point, and the vee of R_1^T R_2 as well for a frame.
+def residual(q: ca.SX, tree: TreeFunctions, draft: Draft, joints: Sequence[str]) -> ca.SX:
+    """Phi(q), all rows, by closure and then by coupling.
 
-    In a planar mechanism (`normal` given) a point closure keeps its two in-plane rows, by a projector that does not
-    depend on q.
+    point      p_2 - p_1 in the world; with a declared plane its two in-plane rows, by a projector that is constant
+    revolute   that, and the two parts of R_1^T R_2 n across the axis n
+    frame      that, and the vee of the skew part of R_1^T R_2
+    coupling   q_joint - ratio q_of - offset
     """
+    normal = draft.plane.normal if draft.plane else None
     rows = []
-    for closure in closures:
+    for closure in draft.closures:
         T1, T2 = (tree.placement[frame](q) for frame in closure.frames)
         gap = T2[:3, 3] - T1[:3, 3]
-        rows.append(gap if normal is None else ca.mtimes(_in_plane(normal), gap))
+        rows.append(gap if normal is None else ca.mtimes(_across(normal), gap))
+        R = ca.mtimes(T1[:3, :3].T, T2[:3, :3])
+        if closure.type == "revolute":
+            rows.append(ca.mtimes([_across(closure.axis), R, _unit(closure.axis)]))
         if closure.type == "frame":
-            R = ca.mtimes(T1[:3, :3].T, T2[:3, :3])
             rows.append(ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / 2)
+    for coupling in draft.couplings:
+        this, other = joints.index(coupling.joint), joints.index(coupling.of)
+        rows.append(q[this] - coupling.ratio * q[other] - coupling.offset)
     return ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)
+
+
+def sense(q: ca.SX, tree: TreeFunctions, closures: Sequence[Closure]) -> ca.Function:
+    """Per closure, positive where it closes as meant; its rows are zero also for frames turned by half a turn."""
+    signs = []
+    for closure in closures:
+        R1, R2 = (tree.placement[frame](q)[:3, :3] for frame in closure.frames)
+        R, n = ca.mtimes(R1.T, R2), _unit(closure.axis)
+        signs.append({"point": 1, "revolute": ca.mtimes([n.T, R, n]), "frame": ca.trace(R) - 1}[closure.type])
+    return ca.Function("sense", [q], [ca.densify(ca.vertcat(*signs, 1))], ["q"], ["sense"])
 
 
 def functions(Phi: ca.SX, q: ca.SX, rows: Sequence[int]) -> dict[str, ca.Function]:
@@ -41,21 +59,13 @@ def functions(Phi: ca.SX, q: ca.SX, rows: Sequence[int]) -> dict[str, ca.Functio
     }
 
 
-def independent_rows(G: np.ndarray, tolerance: float = 1e-9) -> list[int]:
-    """Rows of G that span its row space, best conditioned first (QR with pivoting), in their original order."""
-    from scipy.linalg import qr
-
-    if G.shape[0] == 0:
-        return []
-    _, R, pivots = qr(G.T, pivoting=True, mode="economic")
-    diagonal = np.abs(np.diag(R))
-    rank = int(np.sum(diagonal > tolerance * max(diagonal[0], 1.0)))
-    return sorted(int(i) for i in pivots[:rank])
+def _unit(vector: Sequence[float]) -> np.ndarray:
+    return np.asarray(vector, float)[:, None] / np.linalg.norm(vector)
 
 
-def _in_plane(normal: Sequence[float]) -> np.ndarray:
-    """Two orthonormal rows that span the plane; the world's x and y axes where the normal is z."""
-    n = np.asarray(normal, float) / np.linalg.norm(normal)
+def _across(normal: Sequence[float]) -> np.ndarray:
+    """Two orthonormal rows at right angles to a direction; x and y where it is z."""
+    n = _unit(normal).ravel()
     start = np.eye(3)[0 if abs(n[0]) < 0.9 else 1]
     first = start - n * (start @ n)
     first /= np.linalg.norm(first)

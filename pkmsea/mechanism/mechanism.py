@@ -19,6 +19,27 @@ from pkmsea.mechanism.sidecar import Sidecar
 ActuationClass = Literal["fully actuated", "redundantly actuated", "underactuated"]
 
 
+@dataclass(frozen=True)
+class Origin:
+    """Where a mechanism comes from.
+
+    Attributes
+    ----------
+    tree, file : the file of links and joints; the sidecar, None where there is none.
+    conventions : in which it is written.
+    proposed : keys of the sidecar that no file says, and that were guessed or found.
+    notes : what was changed or left out in cleaning.
+    conditioning : of the independent coordinates at generic closed poses, 0 (useless) to 1.
+    """
+
+    tree: Path
+    file: Path | None
+    conventions: tuple[str, ...]
+    proposed: tuple[str, ...]
+    notes: tuple[str, ...]
+    conditioning: float
+
+
 @dataclass(frozen=True, eq=False)
 class Mechanism:
     """A mechanism without its drives: M(q) a_ind + g(q, v_ind) = H_A^T u (paper, section 4.1.1).
@@ -29,11 +50,12 @@ class Mechanism:
     Attributes
     ----------
     name, folder, sidecar, model : where it comes from, and the tree as Pinocchio has it.
-    urdf : the mended URDF text, for the views.
+    urdf : the cleaned URDF text, for the views.
     functions : named casadi.Functions, see `pkmsea.mechanism.assemble`.
     tree : Pinocchio's Functions of the open tree.
     seed : a closed pose on the declared assembly mode (n,).
     mobility : delta, from the rank of the closure Jacobian at closed, generic poses.
+    origin : its files, and what they left open.
     """
 
     name: str
@@ -45,6 +67,7 @@ class Mechanism:
     functions: dict[str, ca.Function] = field(repr=False)
     seed: np.ndarray = field(repr=False)
     mobility: int
+    origin: Origin
 
     @property
     def joints(self) -> list[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -13,27 +14,34 @@ from pkmsea.errors import InputError, Unreachable
 if TYPE_CHECKING:
     from pkmsea.mechanism.mechanism import Mechanism
 
+Closure = Callable[[np.ndarray], Any]  # q to (Phi, G)
+
 TOLERANCE = 1e-12  # of closures and end-effector position [m]; four digits above rounding at arm lengths of 1 m
 ITERATIONS = 30
 SAMPLES = 12  # closed poses at which the mobility is taken
 SCATTER = 0.4  # their spread in the joints [rad, m]
+RESOLUTION = 2e-5  # of a way
+SMALL = 0.05  # a step to a neighbouring pose [rad, m]
 
 
-def close(closure: ca.Function, guess: np.ndarray) -> np.ndarray | None:
+def close(closure: Closure, guess: np.ndarray) -> np.ndarray | None:
     """The closed pose nearest to a guess, by Gauss-Newton steps of least norm; None where there is none near."""
     q = guess.astype(float)
     for _ in range(ITERATIONS):
         Phi, G = (np.array(x) for x in closure(q))
         if Phi.size == 0 or np.abs(Phi).max() < TOLERANCE:
             return q
-        step = np.linalg.lstsq(G, -Phi.ravel(), rcond=1e-10)[0]
-        q = q + step * min(1.0, 0.5 / np.abs(step).max())
-        if not np.all(np.isfinite(q)):
+        if not (np.all(np.isfinite(Phi)) and np.all(np.isfinite(G))):
             return None
+        step = np.linalg.lstsq(G, -Phi.ravel(), rcond=1e-10)[0]
+        largest = np.abs(step).max()
+        if not 0 < largest < np.inf:
+            return None
+        q = q + step * min(1.0, 0.5 / largest)
     return None
 
 
-def scatter(closure: ca.Function, seed: np.ndarray) -> list[np.ndarray]:
+def scatter(closure: Closure, seed: np.ndarray) -> list[np.ndarray]:
     """Closed poses around the seed, from a fixed random sequence."""
     rng = np.random.default_rng(0)
     tries = (close(closure, seed + rng.uniform(-SCATTER, SCATTER, seed.size)) for _ in range(SAMPLES))
@@ -69,26 +77,38 @@ def pose_step(mechanism: Mechanism) -> ca.Function:
 
 def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:
     """Continuation from the seed to `point` (see `Mechanism.configuration`)."""
-    system = task_system(mechanism)
-    q, start = mechanism.seed, mechanism.end_effector(mechanism.seed)
+    start = mechanism.end_effector(mechanism.seed)
     if point.shape != start.shape or not np.all(np.isfinite(point)):
         raise InputError(
             f"A point of this mechanism has {start.size} finite coordinates "
             f"({', '.join(mechanism.sidecar.end_effector.axes)}).",
             "Give them in m.", key="point", value=point.tolist(),
         )  # fmt: skip
+    q, done = walk(mechanism, point)
+    if done < 1.0:
+        raise _unreachable(mechanism, point, start + done * (point - start))
+    return q
+
+
+def walk(
+    mechanism: Mechanism, point: np.ndarray, allowed: Callable[[np.ndarray], bool] = lambda q: True
+) -> tuple[np.ndarray, float]:
+    """The pose farthest on the straight line from the seed to `point`, and its share of the way (to `RESOLUTION`).
+
+    Steps shrink where the pose turns quickly; the sign of det A may not change, and `allowed` must hold.
+    """
+    system = task_system(mechanism)
+    q, start = mechanism.seed, mechanism.end_effector(mechanism.seed)
     sign = np.sign(np.linalg.det(np.array(system(q)[1])))
     done, step = 0.0, 1.0
-    while done < 1.0:
+    while done < 1.0 and step >= RESOLUTION:
         target = start + min(done + step, 1.0) * (point - start)
         found = newton(system, q, target)
-        if found is not None and np.sign(np.linalg.det(np.array(system(found)[1]))) == sign:
+        if found is not None and np.sign(np.linalg.det(np.array(system(found)[1]))) == sign and allowed(found):
             q, done, step = found, min(done + step, 1.0), 2 * step
         else:
             step /= 2
-        if step < 1e-4:
-            raise _unreachable(mechanism, point, start + done * (point - start))
-    return q
+    return q, done
 
 
 def newton(system: ca.Function, q: np.ndarray, target: np.ndarray) -> np.ndarray | None:
@@ -134,7 +154,7 @@ def singularity(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.nda
         [A[:, : n - mechanism.mobility] / scale, np.broadcast_to(_select(mechanism), (k, len(mechanism.actuated), n))],
         axis=1,
     )
-    return _reciprocal_condition(A / scale), _reciprocal_condition(direct)
+    return reciprocal_condition(A / scale), reciprocal_condition(direct)
 
 
 def _select(mechanism: Mechanism) -> np.ndarray:
@@ -142,7 +162,8 @@ def _select(mechanism: Mechanism) -> np.ndarray:
     return np.eye(mechanism.model.nq)[mechanism.actuated]
 
 
-def _reciprocal_condition(matrices: np.ndarray) -> np.ndarray:
+def reciprocal_condition(matrices: np.ndarray) -> np.ndarray:
+    """Smallest over largest singular value of each matrix (..., a, b); zero for a zero matrix."""
     sigma = np.linalg.svd(matrices, compute_uv=False)
-    result: np.ndarray = sigma[:, -1] / sigma[:, 0]
+    result: np.ndarray = sigma[..., -1] / np.maximum(sigma[..., 0], np.finfo(float).tiny)
     return result

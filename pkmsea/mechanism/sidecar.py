@@ -2,26 +2,64 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from pkmsea.files import Record
+from pkmsea.mechanism.xml import LARGEST
 
 Name = Annotated[str, Field(min_length=1, max_length=200)]
-Vector3 = tuple[float, float, float]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Vector3 = tuple[Number, Number, Number]
+
+
+def _not_zero(vector: Vector3) -> Vector3:
+    if not any(vector):
+        raise ValueError("this direction is zero")
+    return vector
+
+
+class Placement(Record):
+    """A frame that the tree lacks, fixed to one of its links."""
+
+    link: Name = Field(description="link (or joint) of the tree that carries the frame")
+    xyz: Vector3 = Field((0.0, 0.0, 0.0), description="position in that link [m]")
+    rpy: Vector3 = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw in that link [rad], as in a URDF")
 
 
 class Closure(Record):
-    """Two frames that coincide: in their origins (`point`), or in origin and orientation (`frame`)."""
+    """Two frames that coincide: in their origins (`point`), in origin and `axis` (`revolute`), or fully (`frame`)."""
 
-    frames: tuple[Name, Name] = Field(description="the two frames (links or joints of the URDF) that coincide")
-    type: Literal["point", "frame"] = "point"
+    frames: tuple[Name, Name] = Field(description="the two frames (links or joints of the tree) that coincide")
+    type: Literal["point", "revolute", "frame"] = "point"
+    axis: Vector3 = Field((0.0, 0.0, 1.0), description="common axis of a `revolute` closure, in both frames")
     name: str = ""
+
+    _axis = field_validator("axis")(_not_zero)
 
     @property
     def label(self) -> str:
         return self.name or " = ".join(self.frames)
+
+
+class Coupling(Record):
+    """Two joints that move together: q_joint = ratio q_of + offset; a gear, or a mimic joint."""
+
+    joint: Name
+    of: Name
+    ratio: Number = 1.0
+    offset: Number = Field(0.0, description="[rad, m]")
+
+    @model_validator(mode="after")
+    def _two_joints(self) -> Coupling:
+        if self.joint == self.of:
+            raise ValueError(f"the joint '{self.joint}' is coupled to itself")
+        return self
+
+    @property
+    def label(self) -> str:
+        return f"{self.joint} = {self.ratio:g} {self.of}" + (f" {self.offset:+g}" if self.offset else "")
 
 
 class Plane(Record):
@@ -29,12 +67,7 @@ class Plane(Record):
 
     normal: Vector3 = Field(description="normal of the plane in the world frame")
 
-    @field_validator("normal")
-    @classmethod
-    def _not_zero(cls, normal: Vector3) -> Vector3:
-        if not any(normal):
-            raise ValueError("the normal of the plane is zero")
-        return normal
+    _normal = field_validator("normal")(_not_zero)
 
 
 class EndEffector(Record):
@@ -51,38 +84,30 @@ class EndEffector(Record):
         return axes
 
 
-class Sidecar(Record):
-    """Loop closures, drives, minimal coordinates, end effector and assembly mode of one URDF tree.
+class Draft(Record):
+    """What the files of one mechanism say, in whatever convention; keys that nobody has said yet are None."""
 
-    The keys `closed_loop`, `type` and `name_mot` of Gepetto's example-parallel-robots are read, too, and become
-    `closures` and `actuated`.
-    """
-
-    urdf: str | None = Field(None, description="file of the tree; default: the only *.urdf of the folder")
+    urdf: str | None = Field(None, description="file of the tree; default: the only one of the folder")
+    frames: dict[Name, Placement] = Field(default_factory=dict, description="frames that the tree lacks, by name")
     closures: tuple[Closure, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    locked: dict[Name, Number] = Field(default_factory=dict, description="joints held at a position [rad, m]")
     plane: Plane | None = None
     gravity: Vector3 = Field((0.0, 0.0, -9.81), description="[m/s^2], world frame")
+    actuated: tuple[Name, ...] | None = Field(None, min_length=1, description="joint of each drive, in drive order")
+    independent: tuple[Name, ...] | None = Field(
+        None, min_length=1, description="minimal coordinates q_A,ind; default: the best conditioned joints"
+    )
+    end_effector: EndEffector | None = None
+    seed: dict[Name, Number] | None = Field(
+        None, description="joint positions that declare the assembly mode [rad, m]; others are zero"
+    )
+
+
+class Sidecar(Draft):
+    """Loop closures, drives, minimal coordinates, end effector and assembly mode of one tree: a complete draft."""
+
     actuated: tuple[Name, ...] = Field(min_length=1, description="joint of each drive, in drive order")
     independent: tuple[Name, ...] = Field(min_length=1, description="minimal coordinates q_A,ind")
     end_effector: EndEffector
-    seed: dict[Name, float] = Field(
-        default_factory=dict, description="joint positions that declare the assembly mode [rad, m]; others are zero"
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_gepetto(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "closed_loop" not in data:
-            return data
-        data = dict(data)
-        pairs, types = data.pop("closed_loop"), data.pop("type", [])
-        if not isinstance(pairs, list) or not isinstance(types, list) or len(types) not in (0, len(pairs)):
-            raise ValueError("closed_loop and type must be lists of equal length")
-        kinds = {"3d": "point", "6d": "frame"}
-        data["closures"] = [
-            {"frames": pair, "type": kinds.get(str(kind).lower(), kind)}
-            for pair, kind in zip(pairs, types or ["3d"] * len(pairs), strict=True)
-        ]
-        if "name_mot" in data:
-            data["actuated"] = data.pop("name_mot")
-        return data
+    seed: dict[Name, Number] = Field(description="joint positions that declare the assembly mode [rad, m]")

@@ -1,33 +1,36 @@
-"""From a URDF file to a `pin.Model`: found, read and validated by yourdfpy, mended where URDF and Pinocchio differ."""
+"""From a source to a `pin.Model`: checked, cleaned, and with the frames that the sidecar adds."""
 
 from __future__ import annotations
 
-import logging
-import math
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pinocchio as pin
-import yourdfpy
 from lxml import etree
 
-from pkmsea.errors import InputError, MechanismError
+from pkmsea.bridge import frame_id
+from pkmsea.errors import InputError, MechanismError, NameNotFound
+from pkmsea.mechanism import sticks, tree
+from pkmsea.mechanism.clean import clean
+from pkmsea.mechanism.conventions import Source
 
 PACKAGED = Path(__file__).parents[1] / "urdf"  # the mechanisms that pkmsea ships
 CHECKOUT = Path(__file__).parents[2] / "urdf"
-WIDE = 1e3  # limit of a joint that turns without end [rad]
 
 
-def find_folder(source: str | Path) -> Path:
-    """The folder of a mechanism: a path, or the name of one that pkmsea ships ('pkm_2rrr', 'urdf/pkm_2rrr')."""
+def find(source: str | Path) -> Path:
+    """A mechanism's folder or file: a path, or the name of one that pkmsea ships ('pkm_2rrr', 'urdf/pkm_2rrr')."""
     path = Path(source)
     for candidate in (path, PACKAGED / path.name, CHECKOUT / path.name):
         if candidate.is_dir():
             return candidate
     if path.is_file():
-        return path.parent
+        return path
     raise InputError(
-        "There is no mechanism folder of this name.",
-        f"Give a folder with a URDF and a mechanism.yaml, or one that pkmsea ships: {', '.join(shipped())}.",
+        "There is no mechanism of this name.",
+        "Give a folder with a URDF and a mechanism.yaml, a file of links and joints, or one that pkmsea ships: "
+        f"{', '.join(shipped())}.",
         file=source,
     )
 
@@ -37,121 +40,41 @@ def shipped() -> list[str]:
     return sorted({folder.name for root in (PACKAGED, CHECKOUT) if root.is_dir() for folder in root.iterdir()})
 
 
-def find_urdf(folder: Path, named: str | None) -> Path:
-    """The URDF that the sidecar names, else the only one of the folder."""
-    if named is not None:
-        path = (folder / named).resolve()
-        if not path.is_relative_to(folder.resolve()) or not path.is_file():
-            raise MechanismError(
-                "The URDF that 'urdf' names is not in the mechanism's folder.", "Put it there or correct the name.",
-                file=folder / "mechanism.yaml", key="urdf", value=named,
-            )  # fmt: skip
-        return path
-    found = sorted(folder.glob("*.urdf"))
-    if len(found) != 1:
-        raise MechanismError(
-            f"The folder holds {len(found)} files *.urdf.", "Name one in mechanism.yaml with the key 'urdf'.",
-            file=folder, key="urdf",
-        )  # fmt: skip
-    return found[0]
-
-
-def read_model(path: Path) -> tuple[pin.Model, str]:
-    """The tree as a `pin.Model`, and the mended URDF text for the views.
-
-    Continuous joints become revolute with wide limits, so that every joint has one coordinate.
+def build_model(source: Source) -> tuple[pin.Model, str, list[str]]:
+    """The tree as a `pin.Model` with gravity, the cleaned URDF text for the views, and notes on what was cleaned.
 
     Raises
     ------
-    MechanismError : the file does not parse, is no valid URDF, or has a mass or inertia that no body has.
+    MechanismError : the file is no tree that pkmsea can model; names link or joint.
     """
-    root = _parse(path)
-    _validate(path)
-    for joint in root.iter("joint"):
-        if joint.find("mimic") is not None:
-            raise MechanismError(
-                "Mimic joints are not supported.",
-                "Remove <mimic>, or model the transmission by joints and a closure.",
-                file=path,
-                key=f"joint '{joint.get('name')}': mimic",
-            )
-        _mend(joint)
-    _check_inertias(root, path)
-    text = etree.tostring(root, encoding="unicode")
+    file, draft = source.tree, source.draft
+    tree.check(source.root, file)
+    notes = clean(source.root, file, draft.locked)
+    model = _pinocchio(etree.tostring(source.root, encoding="unicode"), file)
+    model.gravity.linear = np.array(draft.gravity)
+    for name, placement in draft.frames.items():
+        _add_frame(model, name, placement.link, pin.SE3(
+            pin.rpy.rpyToMatrix(np.array(placement.rpy)), np.array(placement.xyz)), source)  # fmt: skip
+    sticks.add(source.root, model)
+    return model, etree.tostring(source.root, encoding="unicode"), notes
+
+
+def _pinocchio(text: str, file: Path) -> pin.Model:
     try:
         model = pin.buildModelFromXML(text)
     except Exception as error:
-        raise MechanismError(f"Pinocchio cannot model this URDF ({error}).", "Mend the URDF.", file=path) from error
+        raise MechanismError(f"Pinocchio cannot model this URDF ({error}).", "Mend the URDF.", file=file) from error
     if model.nq == 0:
-        raise MechanismError("The tree has no moving joint.", "Add a revolute or prismatic joint.", file=path)
-    return model, text
+        raise MechanismError("The tree has no moving joint.", "Add a revolute or prismatic joint.", file=file)
+    return model
 
 
-def _parse(path: Path) -> etree._Element:
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
-    try:
-        root = etree.parse(str(path), parser).getroot()
-    except (etree.XMLSyntaxError, OSError) as error:
-        raise MechanismError(f"The URDF does not parse: {error}.", "Mend the XML at that line.", file=path) from error
-    if root.tag != "robot":
-        raise MechanismError(f"The root element is <{root.tag}>, not <robot>.", "Give a URDF file.", file=path)
-    return root
-
-
-def _validate(path: Path) -> None:
-    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # it logs what the error below says
-    try:
-        robot = yourdfpy.URDF.load(
-            str(path), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-        )
-        valid, faults = robot.validate(), robot.errors
-    except Exception as error:
-        raise MechanismError(f"The URDF cannot be read: {error!r}.", "Mend that element.", file=path) from error
-    if not valid:
-        raise MechanismError(f"The URDF is not valid: {faults[0]}.", "Mend that element.", file=path)
-
-
-def _mend(joint: etree._Element) -> None:
-    if joint.get("type") != "continuous":
-        return
-    joint.set("type", "revolute")
-    limit = joint.find("limit")
-    if limit is None:
-        limit = etree.SubElement(joint, "limit", effort="0", velocity="0")
-    limit.set("lower", str(-WIDE))
-    limit.set("upper", str(WIDE))
-
-
-def _check_inertias(root: etree._Element, path: Path) -> None:
-    for link in root.iter("link"):
-        inertial = link.find("inertial")
-        if inertial is None:
-            continue
-        name = link.get("name")
-        mass = _number(inertial.find("mass"), "value", path, f"link {name}: mass")
-        if mass < 0:
-            raise MechanismError(
-                "A mass cannot be negative.", "Give the link's mass in kg.",
-                file=path, key=f"link '{name}': mass", value=mass,
-            )  # fmt: skip
-        inertia = inertial.find("inertia")
-        if inertia is None:
-            continue
-        for axis in ("ixx", "iyy", "izz"):
-            moment = _number(inertia, axis, path, f"link {name}: {axis}")
-            if moment < 0:
-                raise MechanismError(
-                    "A moment of inertia cannot be negative.", "Give it in kg m^2 about the centre of mass.",
-                    file=path, key=f"link '{name}': {axis}", value=moment,
-                )  # fmt: skip
-
-
-def _number(element: etree._Element | None, attribute: str, path: Path, key: str) -> float:
-    text = "" if element is None else element.get(attribute, "")
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise MechanismError("This is not a finite number.", "Give a number.", file=path, key=key, value=text)
-    return number
+def _add_frame(model: pin.Model, name: str, on: str, placement: pin.SE3, source: Source) -> None:
+    where: dict[str, Any] = {"file": source.where("frames"), "key": f"frames.{name}"}
+    if model.existFrame(name):
+        raise MechanismError("The tree has a frame of this name already.", "Choose another name.", **where)
+    if not model.existFrame(on):
+        raise NameNotFound("frame", on, sorted({frame.name for frame in model.frames}), **where)
+    parent = model.frames[frame_id(model, on)]
+    model.addFrame(pin.Frame(name, parent.parentJoint, frame_id(model, on), parent.placement * placement,
+                             pin.FrameType.OP_FRAME), False)  # fmt: skip

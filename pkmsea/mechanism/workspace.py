@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmsea.errors import Unreachable
 from pkmsea.mechanism import pose
 from pkmsea.mechanism.mechanism import Mechanism
 
@@ -38,20 +37,9 @@ def reach(mechanism: Mechanism, direction: np.ndarray, far: float) -> float:
 
     Ends at the workspace's border or at a joint limit of the URDF.
     """
-    start, low, high = mechanism.end_effector(mechanism.seed), 0.0, far
     lower, upper = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
-    while high - low > 1e-4 * far:
-        middle = (low + high) / 2
-        try:
-            q = mechanism.configuration(start + middle * direction)
-        except Unreachable:
-            high = middle
-            continue
-        if np.all(q >= lower) and np.all(q <= upper):
-            low = middle
-        else:
-            high = middle
-    return low
+    end = mechanism.end_effector(mechanism.seed) + far * direction
+    return far * pose.walk(mechanism, end, lambda q: bool(np.all((q >= lower) & (q <= upper))))[1]
 
 
 def size(mechanism: Mechanism) -> float:

@@ -59,12 +59,6 @@ class Problem:
         """Copper loss per squared torque (m,)."""
         return self.actuation.numbers("copper_loss")
 
-    @property
-    def stiffness_range(self) -> np.ndarray:
-        """Lower and upper bound of each elastic drive's stiffness, (elastic drives, 2)."""
-        ranges = [self.actuation.drives[i].stiffness_range for i in self.actuation.elastic]
-        return np.array(ranges, float).reshape(-1, 2)
-
     @cached_property
     def span(self) -> np.ndarray:
         """Typical size of the motion per axis [m]: the spread of the operating points, at least a tenth of the
@@ -94,7 +88,7 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
         )
     mechanism = load_mechanism(source)
     m = len(mechanism.actuated)
-    drives = setup.drives * m if len(setup.drives) == 1 else setup.drives
+    drives = tuple(drive.at_output() for drive in (setup.drives * m if len(setup.drives) == 1 else setup.drives))
     axes = [str(axis) for axis in mechanism.sidecar.end_effector.axes]
     if len(task.cycle.points[0].at) != len(axes):
         raise InputError(
@@ -102,7 +96,7 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
             f"'{mechanism.name}' moves along {', '.join(axes)}.",
             f"Give {len(axes)} coordinates.", key="cycle.points", **where,
         )  # fmt: skip
-    actuation = Actuation(mechanism, drives, _check_reachable(task, mechanism))
+    actuation = Actuation(mechanism, drives, _check_reachable(task, mechanism), task.payload_mass)
     bounds = (
         *_bounds("end_effector", ("r_E", "dr_E", "ddr_E"), axes, task.limits, task),
         *_bounds("joints", ("q", "dq", "ddq"), mechanism.joints, task.limits, task),

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from pkmsea.actuation import NUMBERS, Actuation
+from pkmsea.actuation.elements import payload_power
 from pkmsea.actuation.flat_map import flat_map_of_columns
 from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Problem
@@ -37,7 +39,7 @@ class Audit:
     closure : largest closure residual [m].
     window : largest excess over a rest window at any instant [m]; zero or negative if kept.
     limits : relative excess per limited quantity, e.g. {"tau A": -0.4}; negative if kept.
-    balance : |integral of (tau v_M - d_v v_M^2)|, relative likewise; zero for a periodic motion.
+    balance : |integral of tau v_M less friction's and the payload's power|, relative likewise; zero if periodic.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
     faults : what keeps the result from being verified, one sentence each.
     """
@@ -90,9 +92,14 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     Y = np.stack([jet[:, :delta] for jet in jets], axis=1).reshape(count, -1)
     Z = np.stack([jet[:, delta:] for jet in jets[:3]], axis=1).reshape(count, -1)
     q = _poses(problem, jets[0][:, :delta])
-    r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
+    r = np.concatenate([actuation.numbers(key) for key in NUMBERS])
+    L = np.zeros((count, 3))
+    if actuation.payload is not None:
+        L = np.stack([actuation.payload(t, order) for order in range(3)], axis=1)
+    k, rest = np.nan_to_num(motion.parallel, nan=1.0).T
     c = np.nan_to_num(motion.stiffness, nan=1.0)
-    q_M, v_M, tau, u, v, a = (x.copy() for x in _batch(flat_map_of_columns(actuation.shape), count)(q, Y, Z, c, r))
+    exact = _batch(flat_map_of_columns(actuation.shape), count)
+    q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, r))
     power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
@@ -104,8 +111,8 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     energy = float(np.maximum(s.power, 0).sum() * mean)
     turnover = float(np.abs(s.u * s.v[:, problem.actuation.mechanism.actuated]).sum() * mean)
     scale = max(energy, IDLE * turnover, 1e-12)
-    friction = problem.actuation.numbers("friction")
-    balance = abs(float((s.tau * s.v_M - friction * s.v_M**2).sum() * mean)) / scale
+    lost = (_friction(problem.actuation, s.v_M) * s.v_M).sum() + _payload_power(problem.actuation, s).sum()
+    balance = abs(float(((s.tau * s.v_M).sum() - lost) * mean)) / scale
     gap = abs(claimed - energy) / scale
     mechanism = problem.actuation.mechanism
     inverse, direct = pose.singularity(mechanism, s.q)
@@ -128,6 +135,20 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
         energy, claimed, scale, gap, closure, window, limits, balance, float(inverse.min()), float(direct.min()), faults
     )
     return result, s
+
+
+def _friction(actuation: Actuation, v_M: np.ndarray) -> np.ndarray:
+    """Friction of all drives, (points, m)."""
+    viscous, coulomb, width = (actuation.numbers(key) for key in ("friction", "coulomb", "coulomb_width"))
+    return np.asarray(viscous * v_M + coulomb * np.tanh(v_M / width))
+
+
+def _payload_power(actuation: Actuation, s: Series) -> np.ndarray:
+    """Power that goes into the payload, (points,)."""
+    if actuation.payload is None:
+        return np.zeros(s.t.size)
+    power = payload_power(actuation.shape).map(s.t.size)
+    return np.array(power(s.q.T, s.v.T, s.a.T, actuation.payload(s.t, 0)[None])).ravel()
 
 
 def _even(wanted: int, pieces: int) -> int:

@@ -19,11 +19,12 @@ SOFTER = slice(1, None)  # steps of the second try, where sharpening at once fai
 class Mesh:
     """One mesh of the refinement, and what it claimed against the truth [J]; None where it could not be solved.
 
-    `size` is the number of coefficients per entry of the flat output.
+    `size` is the number of coefficients per entry of the flat output, `outcome` how its last solve ended.
     """
 
     size: int
     samples: int
+    outcome: str
     claimed: float | None
     energy: float | None
     iterations: int
@@ -65,7 +66,15 @@ def unrefined(transcription: Transcription, start: Start) -> Refined | None:
         found = audit(problem, motion, start.energy)[0]
     except FloatingPointError:
         return None
-    mesh = Mesh(transcription.size, transcription.samples, start.energy, found.energy, start.iterations, start.seconds)
+    mesh = Mesh(
+        transcription.size,
+        transcription.samples,
+        start.outcome.value,
+        start.energy,
+        found.energy,
+        start.iterations,
+        start.seconds,
+    )
     return Refined(motion, found, (mesh,), problem.options.energy_tolerance)
 
 
@@ -81,7 +90,7 @@ def refine(transcription: Transcription, start: Start) -> Refined | None:
     while found is not None and finer is not None and not found.verified and len(found.meshes) < MESHES:
         solved = _solve_from(finer, found, start) if time.perf_counter() < end else None
         if solved is None:
-            failed = Mesh(finer.size, finer.samples, None, None, 0, 0.0)
+            failed = Mesh(finer.size, finer.samples, Outcome.FAILED.value, None, None, 0, 0.0)
             return Refined(found.motion, found.audit, (*found.meshes, failed), found.tolerance)
         found = Refined(solved.motion, solved.audit, (*found.meshes, *solved.meshes), found.tolerance)
         finer = finer.refined()

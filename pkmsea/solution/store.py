@@ -53,6 +53,13 @@ def to_dataset(solution: Solution) -> xr.Dataset:
         "power": (("time",), s.power, "electrical power on the common bus", "W"),
         "energy": (("time",), energy, "electrical energy drawn since t = 0", "J"),
         "stiffness": (("drive",), solution.motion.stiffness, "spring stiffness", "N m/rad or N/m"),
+        "parallel_stiffness": (
+            ("drive",),
+            solution.motion.parallel[:, 0],
+            "parallel spring stiffness",
+            "N m/rad or N/m",
+        ),
+        "parallel_rest": (("drive",), solution.motion.parallel[:, 1], "its position without force", "rad or m"),
         "flat_output": (("coefficient", "output"), solution.motion.coefficients, "coefficients of y", "SI"),
     }
     variables = {
@@ -150,7 +157,8 @@ def load(path: str | Path) -> Solution:
         trajectory = json.loads(record["basis"])
         kind: type[Fourier] | type[Spline] = Fourier if trajectory["kind"] == "fourier" else Spline
         basis = make_basis(kind.model_validate(trajectory), task.cycle.period)
-        motion = Motion(basis, dataset["flat_output"].values.copy(), dataset["stiffness"].values.copy())
+        parallel = np.stack([dataset[name].values for name in ("parallel_stiffness", "parallel_rest")], axis=1)
+        motion = Motion(basis, dataset["flat_output"].values.copy(), dataset["stiffness"].values.copy(), parallel)
         starts = tuple(_start(r) for r in json.loads(record["starts"]))
         meshes = tuple(Mesh(**r) for r in json.loads(record["meshes"]))
         return Solution(problem, motion, float(record["energy_claimed"]), starts, meshes, float(record["seconds"]))

@@ -58,7 +58,7 @@ class Point:
     outcome : of the last step.
     violation : largest violation of bounds and constraints.
     iterations : per step.
-    seconds, evaluation : wall time of all steps, and the part of it spent in the NLP's functions.
+    seconds, evaluation : wall time in IPOPT over all steps, and the part of it spent in the NLP's functions.
     """
 
     x: np.ndarray
@@ -84,7 +84,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
     lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
     multipliers: dict[str, ca.DM] = {}
     iterations: list[int] = []
-    outcome, violation, evaluation = Outcome.FAILED, np.inf, 0.0
+    outcome, violation, seconds, evaluation = Outcome.FAILED, np.inf, 0.0, 0.0
     for step in range(nlp.steps) if steps is None else steps:
         left = options.time_limit - (time.perf_counter() - begin)
         if left <= 0:
@@ -101,7 +101,8 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
         stats = solver.stats()
         outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
         iterations.append(int(stats.get("iter_count", 0)))
-        evaluation += sum(seconds for key, seconds in stats.items() if key.startswith("t_wall_nlp_"))
+        seconds += stats["t_wall_total"]
+        evaluation += sum(part for key, part in stats.items() if key.startswith("t_wall_nlp_"))
         candidate = np.array(found["x"]).ravel() * scale
         if not np.all(np.isfinite(candidate)):
             break
@@ -111,7 +112,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
         if outcome is Outcome.INFEASIBLE:
             break
         multipliers = {"lam_g0": found["lam_g"], "lam_x0": found["lam_x"]}
-    return Point(x, outcome, violation, tuple(iterations), time.perf_counter() - begin, evaluation)
+    return Point(x, outcome, violation, tuple(iterations), seconds, evaluation)
 
 
 def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool) -> ca.Function:
@@ -129,7 +130,14 @@ def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool) -> ca.Functi
     }
     if warm:
         ipopt |= WARM
-    settings = {"ipopt": ipopt, "print_time": False, "error_on_fail": False, "calc_lam_p": False, "calc_lam_x": False}
+    settings = {
+        "ipopt": ipopt,
+        "print_time": False,
+        "record_time": True,
+        "error_on_fail": False,
+        "calc_lam_p": False,
+        "calc_lam_x": False,
+    }
     if nlp.derivatives:
         settings |= nlp.derivatives | {"no_nlp_grad": True}
     return ca.nlpsol("solver", "ipopt", nlp.oracle, settings)

@@ -11,6 +11,7 @@ from pkmsea.actuation.drive import Drive
 from pkmsea.errors import InputError, NameNotFound
 from pkmsea.files import Record, read
 from pkmsea.task.cycle import Cycle, Limits
+from pkmsea.task.payload import Payload, PayloadMass
 
 
 class Fourier(Record):
@@ -88,6 +89,7 @@ class Task(Record):
     name: str = Field(min_length=1, max_length=200)
     cycle: Cycle
     limits: TaskLimits = TaskLimits()
+    payload: Payload | None = Field(None, description="what the end effector carries")
     setups: tuple[Setup, ...] = Field(min_length=1)
     options: Options = Options()
     _file: Path | None = PrivateAttr(None)
@@ -98,6 +100,17 @@ class Task(Record):
         if len(set(names)) < len(names):
             raise ValueError("two setups have the same name")
         return self
+
+    @model_validator(mode="after")
+    def _payload_fits_cycle(self) -> Task:
+        if self.payload is not None:
+            self.payload.check(self.cycle)
+        return self
+
+    @property
+    def payload_mass(self) -> PayloadMass | None:
+        """The payload as a function of time."""
+        return None if self.payload is None else self.payload.mass_over(self.cycle)
 
     @property
     def file(self) -> Path | None:

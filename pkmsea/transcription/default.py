@@ -48,10 +48,7 @@ class FlatTranscription(Transcription):
         return self._free.energy(x)
 
     def motion(self, x: np.ndarray) -> Motion:
-        coefficients, theta = self._free.robot.split(x)
-        stiffness = np.full(self.problem.actuation.m, np.nan)
-        stiffness[self.problem.actuation.elastic] = np.exp(theta)
-        return Motion(self.basis, coefficients.copy(), stiffness)
+        return Motion.of(self.problem.actuation, self.basis, *self._free.robot.split(x))
 
     def within_limits(self, x: np.ndarray) -> bool:
         signals = self._free.at(x).signals
@@ -71,6 +68,4 @@ class FlatTranscription(Transcription):
     def transfer(self, motion: Motion) -> np.ndarray:
         t = np.arange(4 * self.basis.size) * self.basis.period / (4 * self.basis.size)
         coefficients = self.basis.fit(t, motion.flat_output(t))
-        low, high = self.problem.stiffness_range.T
-        theta = np.log(np.clip(motion.stiffness[self.problem.actuation.elastic], low, high))
-        return np.concatenate([coefficients.T.ravel(), theta])
+        return np.concatenate([coefficients.T.ravel(), motion.variables(self.problem.actuation)])

@@ -1,7 +1,7 @@
 """The default transcription: flat outputs in a coarse basis, everything else on a finer grid, exact derivatives.
 
-The NLP's variables are the coefficients of the flat output and theta = ln c only; the equations of motion hold at
-every iterate, so there is nothing to be infeasible but windows and limits, and nothing for the optimiser to exploit
+The NLP's variables are the coefficients of the flat output and the robot's parameters (ln c) only; the equations of
+motion hold at every iterate, so there is nothing to be infeasible but windows and limits, and nothing to be exploited
 between the knots. The cost is the mean of (P + sqrt(P^2 + eps^2)) / 2 over the grid, eps sharpened in steps.
 """
 
@@ -21,7 +21,7 @@ SHARPENING = (1.0, 0.3, 0.1, 0.03)  # eps of each step, relative to the mean pos
 SMALLEST_POWER = 1e-9  # [W]; keeps the root differentiable where nothing moves
 SMALLEST_SPREAD = 1e-6  # [rad, m, N m, N]; keeps a scale positive where nothing moves
 SIGNALS = ("tau", "speed")
-# ln c has the scale 1; relative to it, the typical change of a coefficient, by trial: IPOPT regularises by scale
+# typical change of a coefficient relative to that of a parameter (1), found by trial: IPOPT regularises by scale
 PATH_SCALE, FREE_SCALE = 0.03, 0.3  # of the operating points' span, and of the spread of a free drive's coordinate
 
 
@@ -81,7 +81,7 @@ class FlatNlp:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Nonzeros of the constraints' Jacobian, in CasADi's order."""
         slope = self.robot.differentiate(self.at(x)) if self.columns else None
-        return self._pattern.jacobian_values(self.rows, slope)
+        return self._pattern.jacobian_values(slope)
 
     def hessian(self, x: np.ndarray, eps: float, factor: float, multipliers: np.ndarray) -> np.ndarray:
         """Nonzeros of the upper triangle of the Lagrangian's Hessian."""
@@ -93,6 +93,8 @@ class FlatNlp:
             weights[:, column] += nonlinear[:, j]
         blocks = self.robot.curvature(state, weights)
         Q = factor * self._drive_curvature(state, eps)
+        speed = np.arange(1, 2 * m, 2)
+        Q[:, speed, speed] += weights[:, 0 : 2 * m : 2] * self.robot.friction_curvature(state)
         drives = slope[:, :, : 2 * m]
         weighted = Q[self.robot.cells.own] @ drives
         shape = (drives.shape[0], -1, drives.shape[-1])
@@ -183,7 +185,7 @@ class FlatNlp:
         return np.array([mean * SHARPENING[step]])
 
     def _variables(self, guess: np.ndarray) -> tuple[Variable, ...]:
-        coefficients, theta = self.robot.split(guess)
+        coefficients, p = self.robot.split(guess)
         actuation, free = self.problem.actuation, np.full(self.basis.size, np.inf)
         result = []
         for j, name in enumerate(actuation.flat_outputs):
@@ -193,9 +195,9 @@ class FlatNlp:
             else:
                 scale = FREE_SCALE * max(float(np.ptp(column)), SMALLEST_SPREAD)
             result.append(Variable(name, -free, free, np.full(self.basis.size, scale), column))
-        for j, (low, high) in enumerate(np.log(self.problem.stiffness_range)):
-            name = f"ln c {actuation.labels[actuation.elastic[j]]}"
-            result.append(Variable(name, np.array([low]), np.array([high]), np.ones(1), theta[j : j + 1]))
+        for j, parameter in enumerate(actuation.parameters):
+            low, high = (np.array([bound]) for bound in parameter.bounds)
+            result.append(Variable(parameter.name, low, high, np.ones(1), p[j : j + 1]))
         return tuple(result)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from pkmsea.problem import Problem
 from pkmsea.transcription.bases import Basis, SplineBasis
+from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.robot import RobotOnGrid
 from pkmsea.transcription.windows import window_times
 
@@ -48,18 +49,18 @@ def _detour(rng: np.random.Generator, t: np.ndarray, period: float) -> np.ndarra
 
 
 def start(problem: Problem, robot: RobotOnGrid, rng: np.random.Generator | None) -> np.ndarray:
-    """A whole first x: a path, stiffnesses in their ranges, and free drives that carry their share of the load.
+    """A whole first x: a path, parameters within their bounds, and free drives that carry their share of the load.
 
-    Without `rng`, the plain path and the middle stiffnesses (in the logarithm).
+    Without `rng`, the plain path and the middle of the bounds (of stiffnesses, in the logarithm).
     """
-    low, high = np.log(problem.stiffness_range).T
-    theta = (low + high) / 2 if rng is None else rng.uniform(low, high)
+    low, high = np.array([parameter.bounds for parameter in problem.actuation.parameters]).reshape(-1, 2).T
+    p = (low + high) / 2 if rng is None else rng.uniform(low, high)
     coefficients = np.zeros((robot.basis.size, robot.outputs))
     coefficients[:, : robot.delta] = path(problem, robot.basis, rng)
-    x = np.concatenate([coefficients.T.ravel(), theta])
+    x = np.concatenate([coefficients.T.ravel(), p])
     if problem.actuation.free:
         coefficients[:, robot.delta :] = _shared_load(problem, robot, x)
-        x = np.concatenate([coefficients.T.ravel(), theta])
+        x = np.concatenate([coefficients.T.ravel(), p])
     return x
 
 
@@ -69,16 +70,16 @@ def _shared_load(problem: Problem, robot: RobotOnGrid, x: np.ndarray) -> np.ndar
     robot.start(x)
     state = robot.state(x)
     m, n = robot.m, robot.n
+    stiffness = Motion.of(actuation, robot.basis, *robot.split(x)).stiffness
     u, q = state.xi[:, 3 * n : 3 * n + m], state.xi[:, :n]
     v, a = state.xi[:, n : 2 * n], state.xi[:, 2 * n : 3 * n]
     N_A = robot.drive_jacobian(q)
     share = (N_A @ np.linalg.pinv(N_A) @ u[:, :, None])[..., 0]
     z = np.empty((q.shape[0], len(actuation.free)))
-    stiffness = np.exp(robot.jets(x)[:, -m:])
     for j, i in enumerate(actuation.free):
         joint, drive = actuation.mechanism.actuated[i], actuation.drives[i]
         if drive.elastic:
-            z[:, j] = q[:, joint] + share[:, i] / stiffness[:, i]
+            z[:, j] = q[:, joint] + share[:, i] / stiffness[i]
         else:
             z[:, j] = share[:, i] + drive.inertia * a[:, joint] + drive.friction * v[:, joint]
     return robot.basis.fit(robot.t, z)

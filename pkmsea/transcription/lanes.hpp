@@ -24,7 +24,7 @@ inline Real operator-(Real a) { return -a.x; }
 #define LANE_BY_LANE_2(NAME) \
   inline Real NAME(Real a, Real b) { for (int i = 0; i < COUNT; ++i) a.x[i] = std::NAME(a.x[i], b.x[i]); return a; }
 LANE_BY_LANE(sin) LANE_BY_LANE(cos) LANE_BY_LANE(tan) LANE_BY_LANE(asin) LANE_BY_LANE(acos) LANE_BY_LANE(atan)
-LANE_BY_LANE(sinh) LANE_BY_LANE(cosh) LANE_BY_LANE(tanh) LANE_BY_LANE(exp) LANE_BY_LANE(log) LANE_BY_LANE(sqrt)
+LANE_BY_LANE(asinh) LANE_BY_LANE(sinh) LANE_BY_LANE(cosh) LANE_BY_LANE(tanh) LANE_BY_LANE(exp) LANE_BY_LANE(log) LANE_BY_LANE(sqrt)
 LANE_BY_LANE(fabs) LANE_BY_LANE(log1p) LANE_BY_LANE(expm1) LANE_BY_LANE_2(atan2) LANE_BY_LANE_2(pow) LANE_BY_LANE_2(fmin) LANE_BY_LANE_2(fmax)
 
 typedef int Function(const Real** in, Real** out, long long* iw, Real* w, int memory);

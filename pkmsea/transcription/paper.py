@@ -145,7 +145,8 @@ class PaperTranscription(Transcription):
         actuation = self.problem.actuation
         exact = flat_map_of_columns(actuation.shape)
         q, Y, Z, c = (ca.SX.sym(name, exact.numel_in(i)) for i, name in enumerate(("q", "Y", "Z", "c")))
-        out = exact(q, Y, Z, c, ca.DM(self.robot.r))
+        none, mass = ca.DM.zeros(self.m), ca.DM.zeros(1, 3)
+        out = exact(q, Y, Z, c, none, none, mass, ca.DM(self.robot.r[0, :-1]))
         return ca.Function("flat_torque", [q, Y, Z, c], [out[2], out[1], out[4], out[5]])
 
     def _window_rows(self, rows: _Rows, Y: ca.MX) -> None:
@@ -203,7 +204,7 @@ class PaperTranscription(Transcription):
             if name == "p":
                 lower[:] = 0.0
             if name == "theta" and self.problem.actuation.elastic:
-                lower, upper = np.log(self.problem.stiffness_range).T
+                lower, upper = np.array([p.bounds for p in self.problem.actuation.parameters]).T
             elif name == "theta":
                 lower, upper = np.zeros(1), np.zeros(1)
             variables.append(Variable(name, lower, upper, np.ones(flat.size), flat))

@@ -24,6 +24,7 @@ class Pattern:
         self._hessian_nnz = unique.size
 
         linear = rows.matrix.tocoo()
+        self._linear = linear.data
         first, count = rows.matrix.shape[0], len(columns)
         self.rows = first + robot.samples * count
         samples = self._own[:, :, None, None] * count + np.arange(count)[None, None, :, None]
@@ -48,10 +49,9 @@ class Pattern:
     def hessian_values(self, blocks: np.ndarray) -> np.ndarray:
         return np.bincount(self._slot, blocks.reshape(-1)[self._upper], self._hessian_nnz)
 
-    def jacobian_values(self, rows: LinearRows, slope: np.ndarray | None) -> np.ndarray:
-        linear = rows.matrix.tocoo().data
+    def jacobian_values(self, slope: np.ndarray | None) -> np.ndarray:
         nonlinear = np.zeros(0) if slope is None else slope[:, :, self._columns, :].ravel()
-        return np.asarray(np.concatenate([linear, nonlinear])[self._order])
+        return np.asarray(np.concatenate([self._linear, nonlinear])[self._order])
 
 
 def _sparsity(rows: int, columns: int, i: np.ndarray, j: np.ndarray) -> ca.Sparsity:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from pkmsea.actuation import Actuation
+from pkmsea.actuation import NUMBERS, Actuation
 from pkmsea.actuation.equations import stage_functions
 from pkmsea.errors import Unreachable
 from pkmsea.mechanism import pose
@@ -39,7 +39,7 @@ class State:
 
 
 class RobotOnGrid:
-    """Signals at all samples from x = (coefficients of each flat output, theta of each elastic drive).
+    """Signals at all samples from x = (coefficients of each flat output, variables of the robot's parameters).
 
     Signals, in order: tau_i and motor speed of each drive, then q, v, a of all joints (2m + 3n). Those of the drives,
     and the `limited` ones of the joints, are differentiated; `differentiated` are their columns.
@@ -50,10 +50,11 @@ class RobotOnGrid:
         mechanism = actuation.mechanism
         self.delta, self.m, self.n = mechanism.mobility, actuation.m, mechanism.model.nq
         self.outputs = self.m  # entries of the flat output: delta + (m - delta)
-        self.size = self.outputs * basis.size + len(actuation.elastic)
+        self.size = self.outputs * basis.size + len(actuation.parameters)
         self.t = np.arange(samples) * basis.period / samples
         self.cells = make_cells(basis, samples, HALF_WIDTH)
-        self.r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
+        self.r = actuation.stage_numbers(self.t)
+        self.inertia, self.friction, self.coulomb, self.width = (actuation.numbers(key) for key in NUMBERS[:4])
         self.differentiated = [*range(2 * self.m), *limited]
         stage = stage_functions(actuation.shape, tuple(limited))
         functions = (pose.pose_step(mechanism), stage.unknowns, stage.slope, stage.curvature)
@@ -72,16 +73,14 @@ class RobotOnGrid:
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # x and q that were evaluated last
 
     def jets(self, x: np.ndarray) -> np.ndarray:
-        """w = (y, y', y'', z, theta) at all samples, (samples, 3 delta + k + m)."""
-        c, theta = self.split(x)
+        """w = (y, y', y'', z, p) at all samples."""
+        c, p = self.split(x)
         y = [B @ c[:, : self.delta] for B in self._bases]
         z = self._bases[0] @ c[:, self.delta :]
-        full = np.zeros(self.m)
-        full[self.actuation.elastic] = theta
-        return np.hstack([*y, z, np.broadcast_to(full, (self.samples, self.m))])
+        return np.hstack([*y, z, np.broadcast_to(p, (self.samples, p.size))])
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients (basis size, flat outputs) and theta (elastic drives)."""
+        """Coefficients (basis size, flat outputs) and the variables of the parameters."""
         count = self.outputs * self.basis.size
         return x[:count].reshape(self.outputs, -1).T, x[count:]
 
@@ -119,12 +118,12 @@ class RobotOnGrid:
         """ds/dx of the differentiated signals at each cell's own samples, (cells, r, signals, local variables)."""
         if state.slope is None:
             S = self._slope(state.xi, state.w, self.r)[0]
-            state.slope = self._time_local(S[self.cells.samples] @ self._expand)
+            state.slope = self._time_local(state, S[self.cells.samples] @ self._expand)
         return state.slope
 
     def curvature(self, state: State, weights: np.ndarray) -> np.ndarray:
         """Hessian of sum(weights * differentiated signals) per cell, (cells, local, local)."""
-        W = self._curvature(state.xi, state.w, self.r, self._time_transposed(weights))[0]
+        W = self._curvature(state.xi, state.w, self.r, self._time_transposed(state, weights))[0]
         own = self._expand[self.cells.halo : self._expand.shape[0] - self.cells.halo]
         right = W[self.cells.own] @ own
         left = own.reshape(-1, own.shape[-1])
@@ -158,34 +157,47 @@ class RobotOnGrid:
         raise FloatingPointError("the trajectory leaves the workspace")
 
     def _time(self, s: np.ndarray) -> np.ndarray:
-        """Signals from stage outputs: tau = M_M q_M'' + d_v q_M' + u and v_M = q_M' of the elastic drives."""
+        """Signals from stage outputs: tau = M_M q_M'' + d_v q_M' + F(q_M') + u and v_M = q_M' of the elastic drives."""
         result = s.copy()
         for i in self.actuation.elastic:
             q_M, u = s[:, 2 * i], s[:, 2 * i + 1]
-            result[:, 2 * i], result[:, 2 * i + 1] = self._motor(i, self._d1 @ q_M, self._d2 @ q_M, u)
+            rate = self._d1 @ q_M
+            result[:, 2 * i] = self.inertia[i] * (self._d2 @ q_M) + self.friction[i] * rate + u
+            result[:, 2 * i] += self.coulomb[i] * np.tanh(rate / self.width[i])
+            result[:, 2 * i + 1] = rate
         return result
 
-    def _motor(self, i: int, rate: np.ndarray, second_rate: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Torque and speed of an elastic drive from q_M', q_M'' and u, or the slopes of the two from theirs."""
-        return self.r[i] * second_rate + self.r[self.m + i] * rate + u, rate
+    def _drag(self, i: int, state: State) -> np.ndarray:
+        """Slope of a drive's friction in its speed at all samples."""
+        steepness = 1.0 - np.tanh(state.signals[:, 2 * i + 1] / self.width[i]) ** 2
+        return self.friction[i] + self.coulomb[i] / self.width[i] * steepness
 
-    def _time_transposed(self, weights: np.ndarray) -> np.ndarray:
+    def friction_curvature(self, state: State) -> np.ndarray:
+        """d^2 F / dv^2 of the elastic drives at all samples, (samples, m); those of rigid drives are in the stage."""
+        result = np.zeros((self.samples, self.m))
+        for i in self.actuation.elastic:
+            tanh = np.tanh(state.signals[:, 2 * i + 1] / self.width[i])
+            result[:, i] = -2 * self.coulomb[i] / self.width[i] ** 2 * tanh * (1 - tanh**2)
+        return result
+
+    def _time_transposed(self, state: State, weights: np.ndarray) -> np.ndarray:
         result = weights.copy()
         for i in self.actuation.elastic:
             on_tau, on_speed = weights[:, 2 * i], weights[:, 2 * i + 1]
-            on_rate = self.r[self.m + i] * on_tau + on_speed
-            result[:, 2 * i] = self.r[i] * (self._d2.T @ on_tau) + self._d1.T @ on_rate
+            on_rate = self._drag(i, state) * on_tau + on_speed
+            result[:, 2 * i] = self.inertia[i] * (self._d2.T @ on_tau) + self._d1.T @ on_rate
             result[:, 2 * i + 1] = on_tau
         return result
 
-    def _time_local(self, spread: np.ndarray) -> np.ndarray:
+    def _time_local(self, state: State, spread: np.ndarray) -> np.ndarray:
         """The same as `_time`, on the slopes of each cell with its halo; returns the own samples."""
         h, width = self.cells.halo, spread.shape[1]
         result = spread[:, h : width - h].copy()
         for i in self.actuation.elastic:
             q_M, u = spread[:, :, 2 * i], spread[:, h : width - h, 2 * i + 1]
-            tau, speed = self._motor(i, self._local_d1 @ q_M, self._local_d2 @ q_M, u)
-            result[:, :, 2 * i], result[:, :, 2 * i + 1] = tau, speed
+            rate, drag = self._local_d1 @ q_M, self._drag(i, state)[self.cells.own]
+            result[:, :, 2 * i] = self.inertia[i] * (self._local_d2 @ q_M) + drag[..., None] * rate + u
+            result[:, :, 2 * i + 1] = rate
         return result
 
     def _expansion(self) -> np.ndarray:
@@ -193,23 +205,23 @@ class RobotOnGrid:
         local = self.cells.local
         width, L = local.shape[1:]
         k = self.m - self.delta
-        result = np.zeros((width, 3 * self.delta + k + self.m, self.outputs * L + len(self.actuation.elastic)))
+        parameters = len(self.actuation.parameters)
+        result = np.zeros((width, 3 * self.delta + k + parameters, self.outputs * L + parameters))
         for axis in range(self.delta):
             for d in range(3):
                 result[:, d * self.delta + axis, axis * L : (axis + 1) * L] = local[d]
         for j in range(k):
             column = (self.delta + j) * L
             result[:, 3 * self.delta + j, column : column + L] = local[0]
-        for j, i in enumerate(self.actuation.elastic):
-            result[:, 3 * self.delta + k + i, self.outputs * L + j] = 1.0
+        result[:, 3 * self.delta + k :, self.outputs * L :] = np.eye(parameters)
         return result
 
     def _local_indices(self) -> np.ndarray:
         """Index into x of each cell's local variables, (cells, local)."""
         size, coefficients = self.basis.size, self.cells.coefficients
-        theta = self.outputs * size + np.arange(len(self.actuation.elastic))
+        parameters = self.outputs * size + np.arange(len(self.actuation.parameters))
         blocks = [coefficients + output * size for output in range(self.outputs)]
-        return np.hstack([*blocks, np.broadcast_to(theta, (coefficients.shape[0], theta.size))])
+        return np.hstack([*blocks, np.broadcast_to(parameters, (coefficients.shape[0], parameters.size))])
 
 
 def _circulant(weights: np.ndarray, size: int) -> sparse.csr_matrix:

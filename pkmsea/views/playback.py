@@ -15,6 +15,7 @@ import pinocchio as pin
 import umsgpack
 from pinocchio.visualize import MeshcatVisualizer
 
+from pkmsea.bridge import frame_id
 from pkmsea.solution import Solution
 from pkmsea.solution.store import write_whole
 
@@ -197,7 +198,7 @@ def _view_direction(mechanism: Any) -> np.ndarray:
 def _world_path(solution: Solution) -> np.ndarray:
     """Path of the end effector in the world (points, 3)."""
     mechanism, s = solution.problem.actuation.mechanism, solution.series
-    frame = mechanism.model.getFrameId(mechanism.sidecar.end_effector.frame)
+    frame = frame_id(mechanism.model, mechanism.sidecar.end_effector.frame)
     data = mechanism.model.createData()
     points = []
     for q in s.q[:: max(1, s.t.size // 400)]:

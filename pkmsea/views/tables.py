@@ -169,8 +169,14 @@ def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
         "independent": list(mechanism.sidecar.independent),
         "actuation_class": mechanism.actuation_class,
         "closures": [closure.label for closure in mechanism.sidecar.closures],
+        "couplings": [coupling.label for coupling in mechanism.sidecar.couplings],
+        "locked": mechanism.sidecar.locked,
+        "conditioning": mechanism.origin.conditioning,
+        "conventions": list(mechanism.origin.conventions),
+        "proposed": list(mechanism.origin.proposed),
+        "notes": list(mechanism.origin.notes),
         "closure_residual": float(np.abs(mechanism.closure_residual(mechanism.seed)).max(initial=0.0)),
-        "seed": dict(zip(mechanism.joints, mechanism.seed.round(6).tolist(), strict=True)),
+        "seed": dict(zip(mechanism.joints, (mechanism.seed.round(6) + 0.0).tolist(), strict=True)),
         "end_effector": (start.round(6) + 0.0).tolist(),
         "H_A": mechanism.actuation_jacobian(mechanism.seed).round(6).tolist(),
         "singularity": {"inverse": inverse, "direct": direct},
@@ -192,8 +198,10 @@ def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
         "mobility": f"{record['mobility']} ({record['actuation_class']}: {len(record['actuated'])} drives)",
         "joints": ", ".join(record["joints"]),
         "closures": f"{closures} (residual {record['closure_residual']:.1e} m)",
+        "couplings": ", ".join(record["couplings"]),
+        "locked": ", ".join(f"{k} at {v:.4g}" for k, v in record["locked"].items()),
         "drives": drives,
-        "independent": ", ".join(record["independent"]),
+        "independent": f"{', '.join(record['independent'])} (conditioning {record['conditioning']:.2g})",
         "seed pose": ", ".join(f"{k} {v:.4g}" for k, v in record["seed"].items()),
         "end effector": f"{mechanism.sidecar.end_effector.frame} ({axes}) at "
         + ", ".join(f"{x:.4g}" for x in record["end_effector"]) + " m",
@@ -201,9 +209,13 @@ def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
         "singularity distance": f"inverse {record['singularity']['inverse']:.3f}, "
         f"direct {record['singularity']['direct']:.3f} (1 is isotropic, 0 singular)",
         "workspace from seed": reached,
+        "read from": ", ".join(record["conventions"]),
+        "proposed": ", ".join(record["proposed"]),
+        "notes": "\n".join(record["notes"]),
     }  # fmt: skip
     for key, value in lines.items():
-        table.add_row(key, value)
+        if value:
+            table.add_row(key, value)
     console().print(table)
 
 

@@ -1,0 +1,157 @@
+"""The ways in which people write a mechanism with loops, each read into the one `Draft` of a sidecar.
+
+mechanism.yaml     our own sidecar; what it says goes before all others
+gepetto            robot.yaml of example-parallel-robots
+urdfplus           <loop> and independent= in a URDF+
+onshape            closing_*_1/_2 frames of onshape-to-robot
+mimic              <mimic> joints
+transmission       <transmission> elements: which joints have drives
+mjcf               MuJoCo's files
+xacro              expanded first
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pkmsea.errors import InputError, MechanismError
+from pkmsea.files import parse, read_yaml
+from pkmsea.mechanism import xml
+from pkmsea.mechanism.conventions import gepetto, mimic, mjcf, onshape, transmission, urdfplus, xacro
+from pkmsea.mechanism.sidecar import Draft
+
+SIDECAR = "mechanism.yaml"
+IN_URDF = (urdfplus, onshape, mimic, transmission)
+TREES = (".urdf", ".xml", ".mjcf", xacro.SUFFIX)
+SIDECARS = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What the files of one mechanism say, and where they say it.
+
+    Attributes
+    ----------
+    folder : where the mechanism lies.
+    tree : its file of links and joints; `root` is its content as URDF.
+    sidecar : its YAML file; None where there is none.
+    draft : the keys of a sidecar, as far as the files say them.
+    said : the keys that the YAML file says itself.
+    labels : the conventions that were met.
+    """
+
+    folder: Path
+    tree: Path
+    root: xml.Element
+    sidecar: Path | None
+    draft: Draft
+    said: frozenset[str]
+    labels: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Of the folder, which is one mechanism; of the tree, where that stands alone."""
+        return self.folder.resolve().name if self.sidecar else self.tree.stem
+
+    def where(self, key: str) -> Path:
+        """The file to blame for a key: the one that says it, else the one in which it is missing."""
+        tree_says = key in self.draft.model_fields_set and key not in self.said
+        return self.tree if tree_says or self.sidecar is None else self.sidecar
+
+
+def read_source(path: Path) -> Source:
+    """Read a folder, a sidecar or a tree in any convention.
+
+    Raises
+    ------
+    InputError : names file, key, value and remedy.
+    """
+    folder = path if path.is_dir() else path.parent
+    sidecar = _sidecar_of(path)
+    data, labels = _yaml(sidecar) if sidecar else ({}, [])
+    said = parse(Draft, data, sidecar)
+    tree = path if path.is_file() and path != sidecar else _find_tree(folder, said.urdf, sidecar)
+    root, in_tree, found = _read_tree(tree)
+    from_tree = parse(Draft, in_tree, tree)
+    ours, theirs = ({name: getattr(d, name) for name in d.model_fields_set} for d in (said, from_tree))
+    if ours.keys() & {"closures", "couplings", "locked"}:
+        theirs.pop("independent", None)  # the tree counts with its own loops
+    if "actuated" in theirs:
+        theirs["actuated"] = tuple(name for name in theirs["actuated"] if name not in said.locked)
+    merged = theirs | ours | {"frames": from_tree.frames | said.frames, "urdf": tree.name}
+    draft = Draft.model_construct(**merged)
+    return Source(folder, tree, root, sidecar, draft, frozenset(ours), tuple(labels + found))
+
+
+def _sidecar_of(path: Path) -> Path | None:
+    """The YAML file that belongs to a folder, a tree, or itself."""
+    if path.is_file() and path.suffix in SIDECARS:
+        return path
+    folder = path if path.is_dir() else path.parent
+    for name in (SIDECAR, gepetto.NAME):
+        candidate = folder / name
+        if candidate.is_file() and (path.is_dir() or _belongs(candidate, path)):
+            return candidate
+    return None
+
+
+def _belongs(sidecar: Path, tree: Path) -> bool:
+    data = read_yaml(sidecar)
+    named = data.get("urdf") if isinstance(data, dict) else None
+    return named == tree.name if named is not None else _trees(tree.parent) == [tree]
+
+
+def _yaml(file: Path) -> tuple[dict[str, Any], list[str]]:
+    data = read_yaml(file)
+    if gepetto.speaks(data):
+        return gepetto.normalise(data, file), [gepetto.LABEL]
+    return data, [SIDECAR]
+
+
+def _trees(folder: Path) -> list[Path]:
+    return sorted(p for p in folder.iterdir() if p.suffix in TREES and p.is_file())
+
+
+def _find_tree(folder: Path, named: str | None, sidecar: Path | None) -> Path:
+    """The tree that the sidecar names, else the only one of the folder."""
+    if named is not None:
+        tree = folder / named
+        if "\0" in named or not tree.resolve().is_relative_to(folder.resolve()) or not tree.is_file():
+            raise MechanismError(
+                "The file that 'urdf' names is not in the mechanism's folder.", "Put it there or correct the name.",
+                file=sidecar, key="urdf", value=named,
+            )  # fmt: skip
+        return tree
+    found = _trees(folder)
+    if len(found) != 1:
+        names = ", ".join(tree.name for tree in found[:5]) or "none"
+        raise MechanismError(
+            f"The folder holds {len(found)} files of links and joints ({names}).",
+            f"Give the file itself, or name one in {SIDECAR} with the key 'urdf'.", file=folder, key="urdf",
+        )  # fmt: skip
+    return found[0]
+
+
+def _read_tree(tree: Path) -> tuple[xml.Element, dict[str, Any], list[str]]:
+    """A tree as URDF, with what its conventions say."""
+    if tree.suffix not in TREES:
+        raise InputError(
+            f"A mechanism is a folder, a sidecar (.yaml), or a tree ({', '.join(TREES)}).",
+            "Give one of these.",
+            file=tree,
+        )
+    root = xml.parse(tree)
+    if mjcf.speaks(root):
+        root, said = mjcf.read(root, tree)
+        return root, said, [mjcf.LABEL]
+    if tree.suffix == xacro.SUFFIX or xacro.speaks(root):
+        root = xacro.expand(tree)
+    said, labels = {}, []
+    for convention in IN_URDF:
+        more = convention.read(root, tree)
+        labels += [convention.LABEL] if more else []
+        closures = (*said.get("closures", ()), *more.get("closures", ()))
+        said = more | said | ({"closures": closures} if closures else {})
+    return root, said, labels

@@ -1,0 +1,37 @@
+"""xacro files, by way of xacrodoc where it is installed; it needs no ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pkmsea.errors import MechanismError
+from pkmsea.mechanism import xml
+
+SUFFIX = ".xacro"
+NAMESPACE = "http://www.ros.org/wiki/xacro"
+
+
+def speaks(root: xml.Element) -> bool:
+    """Whether elements are left that xacro has to expand."""
+    return any(isinstance(e.tag, str) and e.tag.startswith("{") and "xacro" in e.tag for e in root.iter())
+
+
+def expand(file: Path) -> xml.Element:
+    """The URDF that a xacro file stands for. A xacro file may run expressions and include files: trust its source.
+
+    Raises
+    ------
+    MechanismError : xacrodoc is not installed, or the file does not expand.
+    """
+    try:
+        from xacrodoc import XacroDoc
+    except ImportError:
+        raise MechanismError(
+            "This is a xacro file, and xacrodoc is not installed.",
+            "Run 'pip install xacrodoc', or give the expanded URDF.", file=file,
+        ) from None  # fmt: skip
+    try:
+        text = XacroDoc.from_file(str(file), resolve_packages=False).to_urdf_string()
+    except Exception as error:
+        raise MechanismError(f"The xacro file does not expand ({error}).", "Mend it.", file=file) from error
+    return xml.parse_text(text.encode(), file)

@@ -1,0 +1,76 @@
+"""Mesh files of a URDF: found inside their package, or left out; never read from elsewhere."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from pkmsea.mechanism.xml import Element
+
+FORMATS = (".stl", ".dae", ".obj")
+MAX_BYTES = 100_000_000
+PATH = "ROS_PACKAGE_PATH"
+
+
+def resolve_all(root: Element, folder: Path) -> list[str]:
+    """Replace mesh names by absolute paths; visuals whose mesh is not found are left out, with one note for all."""
+    missing = []
+    for visual in root.findall("link/visual"):
+        for mesh in visual.findall("geometry/mesh"):
+            name = mesh.get("filename", "")
+            found = resolve(name, folder)
+            if found is None:
+                missing.append(name)
+                visual.getparent().remove(visual)
+                break
+            mesh.set("filename", str(found))
+    if not missing:
+        return []
+    names = ", ".join(sorted(set(missing))[:3])
+    return [f"{len(set(missing))} mesh file(s) are not beside the tree and are not drawn: {names}"]
+
+
+def resolve(name: str, folder: Path) -> Path | None:
+    """The file that a mesh name means: `package://NAME/REST`, `file://PATH`, or a path relative to the tree's folder.
+
+    It must lie in that package, or in the tree's folder, links followed.
+    """
+    for root, rest in _candidates(name, folder):
+        path = (root / rest).resolve()
+        if (
+            path.suffix.lower() in FORMATS
+            and path.is_relative_to(root.resolve())
+            and path.is_file()
+            and path.stat().st_size <= MAX_BYTES
+        ):
+            return path
+    return None
+
+
+def relative(name: str) -> str:
+    """Where a copy of the mesh belongs beside a copy of the tree, so that `resolve` finds it."""
+    parts = urlsplit(name)
+    if parts.scheme == "package":
+        return f"{parts.netloc}/{unquote(parts.path).lstrip('/')}".lstrip("/")
+    return unquote(parts.path)
+
+
+def _candidates(name: str, folder: Path) -> Iterator[tuple[Path, str]]:
+    try:
+        parts = urlsplit(name)
+    except ValueError:
+        return
+    rest = unquote(parts.path)
+    if "\0" in rest:
+        return
+    if parts.scheme == "package":
+        package, rest = parts.netloc, rest.lstrip("/")
+        if package:
+            yield folder / package, rest
+            yield from ((parent, rest) for parent in folder.resolve().parents if parent.name == package)
+            yield from ((Path(p) / package, rest) for p in os.environ.get(PATH, "").split(os.pathsep) if p)
+        yield folder, rest
+    elif parts.scheme in ("", "file"):
+        yield folder, rest

@@ -1,0 +1,45 @@
+"""Does a loop that is declared planar move in its plane? Else its point closures would lack a row."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from pkmsea.bridge import frame_id, joint_axis
+from pkmsea.errors import MechanismError
+from pkmsea.mechanism.conventions import Source
+
+TILT = 1e-6  # sine of the angle that rounded numbers explain
+
+
+def check(model: pin.Model, q: np.ndarray, source: Source) -> None:
+    """Revolute joints of the loops turn about the normal, prismatic ones slide at right angles to it.
+
+    Raises
+    ------
+    MechanismError : names the joint that does not.
+    """
+    if source.draft.plane is None:
+        return
+    normal = np.array(source.draft.plane.normal) / np.linalg.norm(source.draft.plane.normal)
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    for i in sorted(_in_loops(model, source)):
+        axis, turning = joint_axis(model, i)
+        along = abs(float((data.oMi[i].rotation @ axis / np.linalg.norm(axis)) @ normal))
+        tilt = np.sqrt(max(1 - along**2, 0.0)) if turning else along
+        if tilt > TILT:
+            raise MechanismError(
+                f"The joint '{model.names[i]}' does not move in the declared plane.",
+                "Correct its axis or the normal; or remove 'plane', so that point closures keep three rows.",
+                file=source.where("plane"), key="plane.normal", value=list(source.draft.plane.normal),
+            )  # fmt: skip
+
+
+def _in_loops(model: pin.Model, source: Source) -> set[int]:
+    """Joints between the two frames of a closure."""
+    found: set[int] = set()
+    for closure in source.draft.closures:
+        sides = [set(model.supports[model.frames[frame_id(model, name)].parentJoint]) for name in closure.frames]
+        found |= sides[0] ^ sides[1]
+    return found

@@ -1,0 +1,166 @@
+"""Is a URDF a tree that pkmsea can model? Every fault names its link or joint, before Pinocchio sees the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pkmsea.errors import MechanismError, NameNotFound
+from pkmsea.mechanism.xml import Element, number, numbers
+
+TYPES = ("revolute", "continuous", "prismatic", "fixed")
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+SIZES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}, "mesh": {}}
+HOME = {  # where an element stands; elsewhere, or for the second time, it would be overlooked
+    "link": ("robot",), "joint": ("robot",), "visual": ("link",), "inertial": ("link",), "mass": ("inertial",),
+    "inertia": ("inertial",), "parent": ("joint",), "child": ("joint",), "axis": ("joint",), "limit": ("joint",),
+    "mimic": ("joint",), "origin": ("joint", "inertial", "visual", "collision"),
+}  # fmt: skip
+MANY = ("link", "joint", "visual")
+UNSET = (0.0, 0.0)  # limits that CAD exporters write where nobody set any
+NEGATIVE = -1e-9  # smallest principal moment that rounding explains, relative to the largest
+
+
+def check(root: Element, file: Path) -> None:
+    """Refuse what is no tree of links on revolute, prismatic and fixed joints with finite numbers.
+
+    Raises
+    ------
+    MechanismError, NameNotFound : names file, link or joint, value and remedy.
+    """
+    if root.tag != "robot":
+        raise MechanismError(f"The root element is <{root.tag}>, not <robot>.", "Give a URDF file.", file=file)
+    links, joints = _named(root, "link", file), _named(root, "joint", file)
+    for top in root:
+        inside = top.iterdescendants(*HOME) if top.tag in ("link", "joint") else ()
+        for element in (*([top] if top.tag in HOME else []), *inside):
+            _check_place(element, file)
+    parent_of = {}
+    for name, joint in joints.items():
+        parent, child = (_end(joint, name, end, links, file) for end in ("parent", "child"))
+        if child in parent_of:
+            raise MechanismError(
+                f"The link '{child}' has two parents.",
+                "A URDF is a tree: remove this joint, and close the loop by two frames under 'closures'.",
+                file=file, key=f"joint '{name}': child",
+            )  # fmt: skip
+        parent_of[child] = parent
+        _check_joint(joint, f"joint '{name}':", file)
+    _check_connected(list(links), parent_of, file)
+    for name, link in links.items():
+        _check_inertia(link, f"link '{name}':", file)
+        for visual in link.findall("visual"):
+            _check_visual(visual, f"link '{name}': visual", file)
+
+
+def _named(root: Element, tag: str, file: Path) -> dict[str, Element]:
+    found: dict[str, Element] = {}
+    for i, element in enumerate(root.findall(tag)):
+        name = element.get("name", "")
+        if not name or name in found:
+            cause = f"Two {tag}s have this name." if name else f"A {tag} has no name."
+            raise MechanismError(cause, "Give each its own name.", file=file, key=f"{tag} {i + 1}: name", value=name)
+        found[name] = element
+    return found
+
+
+def _check_place(element: Element, file: Path) -> None:
+    holder, tag = element.getparent(), str(element.tag)
+    name = next((e.get("name") for e in element.iterancestors() if e.tag in ("link", "joint")), "robot")
+    where: dict[str, Any] = {"file": file, "key": f"'{name}': {tag}"}
+    if holder.tag not in HOME[tag]:
+        raise MechanismError(
+            f"<{tag}> does not belong into <{holder.tag}>.", f"Put it into its <{HOME[tag][0]}>.", **where
+        )
+    if tag not in MANY and len(holder.findall(tag)) > 1:
+        raise MechanismError(f"There are two <{tag}> elements.", "Remove one of them.", **where)
+
+
+def _end(joint: Element, name: str, end: str, links: dict[str, Element], file: Path) -> str:
+    element = joint.find(end)
+    link = "" if element is None else element.get("link", "")
+    if link not in links:
+        raise NameNotFound("link", link, list(links), file=file, key=f"joint '{name}': {end}")
+    return link
+
+
+def _check_joint(joint: Element, key: str, file: Path) -> None:
+    kind = joint.get("type", "")
+    if kind not in TYPES:
+        raise MechanismError(
+            "pkmsea models revolute, prismatic and fixed joints.",
+            "Replace it by a chain of revolute and prismatic joints with light links between them.",
+            file=file, key=f"{key} type", value=kind,
+        )  # fmt: skip
+    _check_origin(joint, key, file)
+    if kind == "fixed":
+        return
+    if not any(numbers(joint.find("axis"), "xyz", 3, file, f"{key} axis", "1 0 0")):
+        raise MechanismError("The axis is zero.", "Give a direction, such as 0 0 1.", file=file, key=f"{key} axis")
+    limit = joint.find("limit")
+    if limit is None or kind == "continuous" or (limit.get("lower") is None and limit.get("upper") is None):
+        return
+    lower, upper = (number(limit, side, file, f"{key} limit", "0") for side in ("lower", "upper"))
+    if lower >= upper and (lower, upper) != UNSET:
+        raise MechanismError(
+            "The limits leave the joint no room.",
+            "Correct them; or make the joint type='fixed', or name it under 'locked'.",
+            file=file, key=f"{key} limit", value=[lower, upper],
+        )  # fmt: skip
+
+
+def _check_connected(links: list[str], parent_of: dict[str, str], file: Path) -> None:
+    roots = [link for link in links if link not in parent_of]
+    if len(roots) > 1:
+        raise MechanismError(
+            f"The links do not hang together: {', '.join(roots[:5])} have no parent.",
+            "Connect them by joints, so that one base link remains.", file=file, key="joint",
+        )  # fmt: skip
+    reached, open_ = set(roots), list(roots)
+    children: dict[str, list[str]] = {}
+    for child, parent in parent_of.items():
+        children.setdefault(parent, []).append(child)
+    while open_:
+        below = children.get(open_.pop(), [])
+        reached.update(below)
+        open_ += below
+    if circle := [link for link in links if link not in reached]:
+        raise MechanismError(
+            f"The links {', '.join(circle[:5])} are each other's parents, in a circle.",
+            "A URDF is a tree: remove one joint, and close the loop by two frames under 'closures'.",
+            file=file, key="joint",
+        )  # fmt: skip
+
+
+def _check_origin(element: Element, key: str, file: Path) -> None:
+    origin = element.find("origin")
+    for attribute in ("xyz", "rpy"):
+        numbers(origin, attribute, 3, file, f"{key} origin", "0 0 0")
+
+
+def _check_inertia(link: Element, key: str, file: Path) -> None:
+    inertial = link.find("inertial")
+    if inertial is None:
+        return
+    mass = number(inertial.find("mass"), "value", file, f"{key} mass")
+    if mass < 0:
+        raise MechanismError(
+            "A mass cannot be negative.", "Give the link's mass in kg.", file=file, key=f"{key} mass", value=mass
+        )
+    _check_origin(inertial, f"{key} inertial", file)
+    xx, yy, zz, xy, xz, yz = (number(inertial.find("inertia"), m, file, f"{key} inertia") for m in MOMENTS)
+    principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if principal[0] < NEGATIVE * max(principal[-1], 0.0) or principal[-1] < 0:
+        raise MechanismError(
+            "A principal moment of inertia is negative.", "Give the tensor in kg m^2 about the centre of mass.",
+            file=file, key=f"{key} inertia", value=[xx, yy, zz, xy, xz, yz],
+        )  # fmt: skip
+
+
+def _check_visual(visual: Element, key: str, file: Path) -> None:
+    _check_origin(visual, key, file)
+    for shape in visual.findall("geometry/*"):
+        for attribute, count in SIZES.get(str(shape.tag), {}).items():
+            numbers(shape, attribute, count, file, f"{key} {shape.tag}")

@@ -1,0 +1,181 @@
+"""A first task for somebody's own mechanism: a folder with tree, sidecar and task file, ready to be corrected."""
+
+from __future__ import annotations
+
+import shutil
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from pkmsea.errors import InputError, Unreachable
+from pkmsea.mechanism import Mechanism, load_mechanism, meshes, skeleton
+from pkmsea.mechanism.conventions import SIDECAR, Source, mjcf, read_source, xacro
+from pkmsea.mechanism.urdf import find
+from pkmsea.mechanism.workspace import reach, size
+
+TASK = "task.yaml"
+PERIOD = 1.0  # [s]
+REST, WINDOW = 0.1, 0.01  # of the period; of the way
+SHARES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05)  # of the reach from the seed, tried as operating points
+ROOM = 0.2  # of the way, left around the points
+KEEP = 0.4  # of the seed's distance to singularities, on the whole way
+STEPS = 15  # at which the way is looked at
+ROTOR, LOSS, SOFT, STIFF = 0.1, 0.5, 0.05, 50.0  # of the load's inertia; of 1/(inertia w); of inertia w^2
+
+
+def new(folder: Path, tree: Path | None) -> list[Path]:
+    """Write tree, sidecar and task of a mechanism into `folder`; without `tree`, the task of what is there.
+
+    Raises
+    ------
+    InputError : a file is there already, or something must be filled in by hand first; says what.
+    """
+    written = _take(folder, find(tree)) if tree else []
+    try:
+        mechanism = load_mechanism(folder, guess=True)
+    except InputError as error:
+        file = skeleton.write_incomplete(read_source(folder), error)
+        raise InputError(
+            error.cause, f"{error.remedy} Then run 'pkmsea new {folder}' again.",
+            file=file or error.file, key=error.key, value=error.value,
+        ) from None  # fmt: skip
+    sidecar = skeleton.write(mechanism)
+    task = folder / TASK
+    if task.exists():
+        raise InputError("The file exists; it is not overwritten.", "Move it away first.", file=task)
+    task.write_text(task_text(load_mechanism(folder)), encoding="utf-8")
+    return [*dict.fromkeys([*written, *([sidecar] if sidecar else []), task])]
+
+
+def _take(folder: Path, path: Path) -> list[Path]:
+    """Copy a tree with its meshes and its sidecar; xacro is expanded."""
+    source = read_source(path)
+    if folder.exists() and any(folder.iterdir()):
+        raise InputError("The folder is not empty.", "Name a new one.", file=folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    copied = folder / source.tree.name
+    if source.tree.suffix == xacro.SUFFIX:
+        copied = copied.with_suffix("" if copied.stem.endswith(".urdf") else ".urdf")
+        copied.write_bytes(etree.tostring(source.root))
+    else:
+        shutil.copyfile(source.tree, copied)
+    if mjcf.LABEL not in source.labels:
+        _take_meshes(folder, source)
+    if source.sidecar is None:
+        return [copied]
+    sidecar = folder / SIDECAR
+    if source.sidecar.name == SIDECAR:
+        shutil.copyfile(source.sidecar, sidecar)
+    else:
+        draft = source.draft.model_copy(update={"urdf": copied.name})
+        sidecar.write_text(skeleton.text(draft, source.labels, ()), encoding="utf-8")
+    return [copied, sidecar]
+
+
+def _take_meshes(folder: Path, source: Source) -> None:
+    for mesh in source.root.findall("link/visual/geometry/mesh"):
+        name = mesh.get("filename", "")
+        found, target = meshes.resolve(name, source.folder), folder / meshes.relative(name)
+        if found is not None and target.resolve().is_relative_to(folder.resolve()):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(found, target)
+
+
+def task_text(mechanism: Mechanism) -> str:
+    """A task for a mechanism: two points inside the workspace, rigid drives beside elastic ones of a plausible size."""
+    points = operating_points(mechanism)
+    way = float(np.linalg.norm(points[1] - points[0]))
+    end_effector = mechanism.sidecar.end_effector
+    cycle = [
+        f"    - {{at: [{', '.join(_short(x, 3) for x in point)}], rest: {_short(REST * PERIOD)}, "
+        f"window: {_short(WINDOW * way)}}}"
+        for point in points
+    ]
+    sides = zip(end_effector.axes, *box(points), strict=True)
+    room = ", ".join(f"{axis}: [{_short(low, 3)}, {_short(high, 3)}]" for axis, low, high in sides)
+    rigid, elastic = _drives(mechanism)
+    return "\n".join([
+        f"# A first task for '{mechanism.name}'. Drives are GUESSED from the mass that they move: put your own in.",
+        f"name: {mechanism.name}",
+        "cycle:",
+        f"  period: {PERIOD}  # [s]",
+        f"  points:  # of {end_effector.frame} along {', '.join(end_effector.axes)} [m]; rest [s], window [m]",
+        *cycle,
+        "limits:",
+        f"  end_effector: {{position: {{{room}}}}}  # [m]; keeps clear of singularities",
+        "setups:  # the first one is the reference",
+        "  - name: rigid",
+        "    mechanism: .  # the folder of this file",
+        "    drives:  # inertia [kg m^2, kg] and copper loss R/k_m^2 [W/(N m)^2, W/N^2] at the output side of the gear",
+        *rigid,
+        "  - name: elastic",
+        "    mechanism: .",
+        "    drives:  # stiffness [N m/rad, N/m]: a number, or bounds in which it is optimised",
+        *elastic,
+        "options: {starts: 4}  # more starts find better optima; 12 is the default",
+        "",
+    ])  # fmt: skip
+
+
+def operating_points(mechanism: Mechanism) -> list[np.ndarray]:
+    """Two points on both sides of the seed, with a straight way between them that keeps clear of singularities.
+
+    Raises
+    ------
+    InputError : the seed is too close to a border or a singularity.
+    """
+    start, far = mechanism.end_effector(mechanism.seed), size(mechanism)
+    sides = [np.array([sign * reach(mechanism, sign * axis, far) for axis in np.eye(start.size)]) for sign in (-1, 1)]
+    for share in SHARES:
+        points = [np.array([float(_short(x, 3)) for x in start + share * side]) for side in sides]
+        if _is_clear(mechanism, points):
+            return points
+    raise InputError(
+        "The seed is too close to a singularity or to the border of the workspace for a task around it.",
+        "Give another 'seed' in mechanism.yaml.", file=mechanism.origin.file, key="seed",
+    )  # fmt: skip
+
+
+def box(points: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner of the room that the end effector may use: around the points, and somewhat more."""
+    low, high = np.minimum(*points), np.maximum(*points)
+    room = ROOM * max(high - low)
+    return low - room, high + room
+
+
+def _is_clear(mechanism: Mechanism, points: list[np.ndarray]) -> bool:
+    """Whether the way between the points, and the corners of the room around them, keep clear of singularities."""
+    least = KEEP * np.array(mechanism.singularity(mechanism.seed))
+    lower, upper = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    corners = [np.array(corner) for corner in product(*zip(*box(points), strict=True))]
+    way = [points[0] + s * (points[1] - points[0]) for s in np.linspace(0, 1, STEPS)]
+    for point in (*corners, *way):
+        try:
+            q = mechanism.configuration(point)
+        except Unreachable:
+            return False
+        if np.any(q < lower) or np.any(q > upper) or np.any(mechanism.singularity(q) < least):
+            return False
+    return bool(np.any(points[1] != points[0]))
+
+
+def _drives(mechanism: Mechanism) -> tuple[list[str], list[str]]:
+    """One line per drive, rigid and elastic, scaled by the inertia that the drive feels: 1 / (H_A M^-1 H_A^T)_ii."""
+    H_A, M = mechanism.actuation_jacobian(mechanism.seed), mechanism.mass_matrix(mechanism.seed)
+    felt = 1 / np.diag(H_A @ np.linalg.solve(M, H_A.T))
+    w = 2 * np.pi / PERIOD
+    lines: tuple[list[str], list[str]] = ([], [])
+    for joint, inertia in zip(mechanism.sidecar.actuated, felt, strict=True):
+        same = f"inertia: {_short(ROTOR * inertia)}, copper_loss: {_short(LOSS / (inertia * w))}"
+        bounds = f"[{_short(SOFT * inertia * w**2)}, {_short(STIFF * inertia * w**2)}]"
+        lines[0].append(f"      - {{kind: rigid, {same}}}  # {joint}")
+        lines[1].append(f"      - {{kind: sea, {same}, stiffness: {{bounds: {bounds}}}}}  # {joint}")
+    return lines
+
+
+def _short(value: float, digits: int = 2) -> str:
+    """A number with few digits that YAML reads as one: 1.0e-05 rather than 1e-05."""
+    text = repr(float(f"{value:.{digits}g}") + 0.0)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -1,0 +1,148 @@
+"""One five-bar, written in every convention: the same mechanism to rounding, and the same optimum."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import five_bar
+import numpy as np
+import pytest
+import yaml
+from conftest import ELASTIC, task
+
+from pkmsea.errors import InputError, MechanismError
+from pkmsea.mechanism import Mechanism, load_mechanism, skeleton
+from pkmsea.solution import solve
+
+EQUAL = 1e-8  # relative, asked for; conventions differ by rounding of poses only
+POINTS = [(0.0, 0.0), (0.05, -0.04), (-0.07, -0.07), (0.07, 0.07)]
+V_IND = np.array([1.3, -0.7])
+
+
+def dynamics(mechanism: Mechanism) -> dict[str, np.ndarray]:
+    """M, g and H_A at task-space points, which no convention turns or renames."""
+    poses = [mechanism.configuration(point) for point in POINTS]
+    return {
+        "M": np.array([mechanism.mass_matrix(q) for q in poses]),
+        "g": np.array([mechanism.bias(q, V_IND) for q in poses]),
+        "H_A": np.array([mechanism.actuation_jacobian(q) for q in poses]),
+    }
+
+
+def assert_equal(mechanism: Mechanism, reference: Mechanism) -> None:
+    ours, theirs = dynamics(mechanism), dynamics(reference)
+    for key, value in theirs.items():
+        np.testing.assert_allclose(ours[key], value, rtol=0, atol=EQUAL * np.abs(value).max(), err_msg=key)
+
+
+@pytest.mark.parametrize("name", five_bar.CONVENTIONS)
+def test_each_convention_is_the_same_mechanism(mechanisms: dict[str, Mechanism], name: str, tmp_path: Path) -> None:
+    folder = five_bar.CONVENTIONS[name](tmp_path / "robot")
+    mechanism = load_mechanism(folder)
+    assert (mechanism.mobility, mechanism.sidecar.actuated) == (2, ("A", "B"))
+    assert_equal(mechanism, mechanisms["pkm_2rrr"])
+
+
+@pytest.mark.parametrize("name", five_bar.CONVENTIONS)
+def test_the_normalised_sidecar_is_the_same_mechanism(
+    mechanisms: dict[str, Mechanism], name: str, tmp_path: Path
+) -> None:
+    """`check --write`: what was read in any convention, written in ours, and read again."""
+    folder = five_bar.CONVENTIONS[name](tmp_path / "robot")
+    mechanism = load_mechanism(folder, guess=True)
+    for file in folder.glob("*.yaml"):
+        file.unlink()
+    (folder / "mechanism.yaml").write_text(
+        skeleton.text(mechanism.sidecar, mechanism.origin.conventions, mechanism.origin.proposed)
+    )
+    again = load_mechanism(folder)
+    assert again.sidecar.closures == mechanism.sidecar.closures
+    assert_equal(again, mechanisms["pkm_2rrr"])
+
+
+def test_each_convention_has_the_same_optimum(tmp_path: Path) -> None:
+    energies = {}
+    for name, convention in five_bar.CONVENTIONS.items():
+        folder = convention(tmp_path / name)
+        drives = ELASTIC | {"friction": 4.8e-3}
+        energies[name] = solve(task(str(folder), drives), workers=1).energy
+    reference = energies["native"]
+    assert {name: abs(e / reference - 1) < EQUAL for name, e in energies.items()} == dict.fromkeys(energies, True), (
+        energies
+    )
+
+
+def test_xacro(mechanisms: dict[str, Mechanism], tmp_path: Path) -> None:
+    pytest.importorskip("xacrodoc")
+    assert_equal(load_mechanism(five_bar.xacro(tmp_path / "robot")), mechanisms["pkm_2rrr"])
+
+
+def test_xacro_without_xacrodoc_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    with pytest.raises(MechanismError, match="pip install xacrodoc"):
+        load_mechanism(five_bar.xacro(tmp_path / "robot"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<worldbody>", '<include file="a.xml"/><worldbody>', "include: <include> is not read.*Save the model once"),
+        ('<body name="upper_B"', '<frame/><body name="upper_B"', "frame: <frame> is not read"),
+        ('name="A" axis', 'name="A" type="ball" axis', "joint 'A': type.*hinges and slides"),
+        ('name="A" axis', 'name="A" ref="0.3" axis', "joint 'A': ref"),
+        ('name="A" axis', 'name="A" stiffness="3" axis', "joint 'A': stiffness.*springs belong to the drives"),
+        ('mass="0.0448"', 'mass="x"', "inertial '': mass = 'x'"),
+        (
+            '<inertial pos="0.1 0 0" mass="0.0448"',
+            '<geom type="mesh" mesh="m"',
+            "body 'lower_A': geom: The inertia of a mesh",
+        ),
+        ('body2="lower_B"', 'body2="lower_C"', "equality 'tips': body2: There is no body named 'lower_C'"),
+        ('body1="lower_A" body2="lower_B"', 'site1="tool" site2="tool"', "equality 'tips': A closure between sites"),
+        ("<connect", '<tendon tendon1="t"/><connect', "equality: An equality of type tendon"),
+    ],
+)
+def test_what_pinocchio_would_drop_from_mjcf_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    file = five_bar.mjcf(tmp_path / "robot") / "robot.xml"
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=r"(?s)robot\.xml, .*(" + message + ")"):
+        load_mechanism(file)
+
+
+def test_several_joints_of_one_mjcf_body(tmp_path: Path) -> None:
+    """x and y slides of one body, and a turned one on it: three coordinates in this order."""
+    inertial = '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>'
+    (tmp_path / "robot.xml").write_text(
+        f'<mujoco><worldbody><body pos="0 0 1"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" '
+        f'axis="0 1 0"/>{inertial}<body><joint name="z" type="slide" axis="0 0 1"/>{inertial}<site name="tool"/></body>'
+        "</body></worldbody></mujoco>"
+    )
+    mechanism = load_mechanism(tmp_path / "robot.xml", guess=True)
+    assert (mechanism.joints, mechanism.mobility) == (["x", "y", "z"], 3)
+    np.testing.assert_allclose(mechanism.mass_matrix(np.zeros(3)), np.diag([4, 4, 2]))
+    np.testing.assert_allclose(mechanism.end_effector(np.array([0.1, 0.2, 0.3])), [0.1, 0.2, 1.3])
+
+
+def test_mechanism_yaml_goes_before_the_tree(tmp_path: Path) -> None:
+    folder = five_bar.urdfplus(tmp_path / "robot")
+    file = folder / "mechanism.yaml"
+    file.write_text(yaml.safe_dump(yaml.safe_load(file.read_text()) | {"closures": []}))
+    assert load_mechanism(folder, guess=True).sidecar.closures == ()
+
+
+def test_mimic_joints_are_couplings(mechanisms: dict[str, Mechanism], tmp_path: Path) -> None:
+    """Arm B mimics the motion of arm A at the seed: one degree of freedom less, and H_A says the ratio."""
+    text = five_bar.urdf(five_bar.Variant()).replace(
+        'name="B" type="revolute" >', 'name="B" type="revolute"><mimic joint="A" multiplier="-0.5" offset="-0.7"/>'
+    )
+    keys = five_bar.sidecar(five_bar.Variant()) | {"closures": [{"frames": ["tip_1", "tip_2"]}]}
+    keys |= {"end_effector": {"frame": "tool", "axes": ["x"]}}
+    mechanism = load_mechanism(five_bar.write(tmp_path / "robot", "robot.urdf", text, keys))
+    assert mechanism.mobility == 1
+    ratio = mechanism.actuation_jacobian(mechanism.seed).ravel()
+    assert ratio[1] / ratio[0] == pytest.approx(-0.5)
+    q = dict(zip(mechanism.joints, mechanism.seed, strict=True))
+    assert q["B"] == pytest.approx(-0.5 * q["A"] - 0.7)
