@@ -56,7 +56,7 @@ def _link(robot: Robot, i: int, parent: ElementTree.Element) -> ElementTree.Elem
     model, inertia = robot.model, robot.model.inertias[i]
     body = _add(parent, "body", **_at(model.jointPlacements[i]))
     joint, armature = {"name": f"joint {i - 1}", **_joint(robot, i)}, robot.rotors_on_joints[i - 1, i - 1]
-    rigid = np.where(robot.drives.elastic, 0.0, robot.drives.viscous)
+    rigid = np.where(robot.drives.elastic, 0.0, robot.drives.losses[0])
     _add(body, "joint", **joint, armature=_text(armature), damping=_text((robot.on_joints @ rigid)[i - 1]))
     J = inertia.inertia
     full = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]]
@@ -77,7 +77,7 @@ def _rotors(robot: Robot, root: ElementTree.Element, world: ElementTree.Element)
     tendons = _add(root, "tendon")
     for i in np.flatnonzero(robot.drives.elastic):
         body = _add(world, "body")
-        numbers = {"armature": _text(robot.drives.inertia[i]), "damping": _text(robot.drives.viscous[i])}
+        numbers = {"armature": _text(robot.drives.inertia[i]), "damping": _text(robot.drives.losses[0][i])}
         _add(body, "joint", name=f"motor {i}", **_joint(robot, robot.at[i] + 1), **numbers)
         _add(body, "inertial", pos="0 0 0", mass=_text(SMALLEST), diaginertia=_text([SMALLEST] * 3))
         spring = _add(tendons, "fixed", stiffness=_text(robot.drives.c[i]), springlength="0")

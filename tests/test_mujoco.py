@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, task
 from mujoco_replay import Replay, replay
 
 from pkmsea.paper import reproduce
 from pkmsea.solution import Solution, solve
-from pkmsea.verification.drives import Drives
 from pkmsea.verification.dynamics import Robot
 from pkmsea.verification.reference import Reference, reference
 
@@ -29,7 +27,7 @@ SETUPS = {
 
 
 def replayed(said: Reference) -> Replay:
-    return replay(Robot(Drives(said.problem.actuation, said.motion.stiffness)), said)
+    return replay(Robot(said.drives), said)
 
 
 def agrees(found: Replay, energy: float) -> bool:
@@ -62,7 +60,7 @@ def test_mujoco_disagrees_with_a_wrong_torque(elastic: Solution) -> None:
 
 def test_mujoco_disagrees_with_another_spring(elastic: Solution) -> None:
     said = reference(elastic)
-    stiffer = Robot(Drives(said.problem.actuation, 1.05 * np.asarray(said.motion.stiffness)))
+    stiffer = Robot(replace(said.drives, stiffness=1.05 * said.motion.stiffness))
     assert not agrees(replay(stiffer, said), elastic.energy)
 
 

@@ -7,23 +7,25 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import five_bar
 import numpy as np
 import pytest
+import spatial
 import xarray as xr
-from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
+from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
 from scipy.integrate import solve_ivp
-from test_cli import expect, run
+from test_cli import copy_mechanism, expect, run
 
 from pkmsea.actuation import Actuation, Drive
 from pkmsea.errors import InputError
 from pkmsea.mechanism import Mechanism, load_mechanism
-from pkmsea.mechanism.urdf import find_folder
 from pkmsea.paper import reproduce
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import read_dataset
 from pkmsea.verification import Verification, verify
 from pkmsea.verification.drives import Drives
 from pkmsea.verification.dynamics import Robot
+from pkmsea.verification.loops import Loops
 
 HEAVY = {"inertia": 4.67e-4, "friction": 4.79e-3}  # the paper's rotors of its third case
 FOURIER = {"trajectory": {"kind": "fourier", "order": 10}, "starts": 1}
@@ -34,6 +36,11 @@ SETUPS = {
     "two rigid arms": ("pkm_2rrr", RIGID, {}),
     "two elastic arms": ("pkm_2rrr", LIMITED, {"limits": {"joints": {"acceleration": 200}}}),
     "three elastic arms": ("pkm_3rrr", ELASTIC | HEAVY, {}),
+    "all elements": (
+        "pkm_2rrr",
+        [ELASTIC | HEAVY | FRICTION | {"cubic": 0.5}, RIGID | HEAVY | FRICTION | PARALLEL],
+        {"payload": {"mass": 0.1, "pick": 1, "place": 2}},
+    ),
     "mixed": ("pkm_3rrr", [RIGID | HEAVY, ELASTIC | HEAVY, RIGID | HEAVY], {}),
 }
 ENERGY = 5e-3  # asked for; the simulation agrees to 1e-5, which the trapezoidal rule at the kinks of max(P, 0) leaves
@@ -56,8 +63,23 @@ def solved() -> Callable[[str], Solution]:
 
 def robot(mechanism: Mechanism, drive: dict) -> Robot:
     m = len(mechanism.actuated)
-    drives = Drives(Actuation(mechanism, (Drive.model_validate(drive),) * m), np.full(m, 0.1))
-    return Robot(drives)
+    actuation = Actuation(mechanism, (Drive.model_validate(drive),) * m)
+    return Robot(Drives(actuation, np.full(m, 0.1), np.full((m, 2), np.nan)))
+
+
+def coupled(folder: Path) -> Path:
+    """The five-bar with both bases geared to each other: mobility 1."""
+    keys = five_bar.sidecar(five_bar.Variant()) | {"closures": [{"frames": ["tip_1", "tip_2"]}], "actuated": ["A"]}
+    q, keys["end_effector"] = keys["seed"], {"frame": "tool", "axes": ["x"]}
+    keys["couplings"] = [{"joint": "B", "of": "A", "ratio": -0.5, "offset": q["B"] + 0.5 * q["A"]}]
+    return five_bar.write(folder, "robot.urdf", five_bar.urdf(five_bar.Variant()), keys)
+
+
+def close(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """The nearest closed pose, by Newton steps of least norm."""
+    for _ in range(20):
+        q = q - np.linalg.pinv(np.array(mechanism.functions["closure_jacobian"](q))) @ mechanism.closure_residual(q)
+    return q
 
 
 def check(found: Verification, kind: str) -> None:
@@ -85,28 +107,42 @@ def test_acceleration_equals_the_minimal_coordinates(mechanisms: dict[str, Mecha
         q, v_ind, u = mechanism.configuration(point), rng.normal(size=2), rng.normal(size=len(mechanism.actuated))
         H_A = mechanism.actuation_jacobian(q)
         expected = np.linalg.solve(mechanism.mass_matrix(q), H_A.T @ u - mechanism.bias(q, v_ind))
-        a = simulated.acceleration(q, mechanism.velocity_map(q) @ v_ind, u)
+        a = simulated.acceleration(0.0, q, mechanism.velocity_map(q) @ v_ind, u)
         np.testing.assert_allclose(a[mechanism.independent], expected, rtol=EXACT, atol=EXACT * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("build", [five_bar.urdfplus, spatial.welded, spatial.delta, coupled])
+def test_loops_equal_the_minimal_coordinates(build: Callable[[Path], Path], tmp_path: Path) -> None:
+    """Closures by points, axes and frames, and a coupling: G H = 0, and the same accelerations keep them closed."""
+    mechanism, rng = load_mechanism(build(tmp_path / "robot")), np.random.default_rng(0)
+    loops, data, f = Loops(mechanism), mechanism.model.createData(), mechanism.functions
+    for _ in range(10):
+        q = close(mechanism, mechanism.seed + rng.uniform(-0.1, 0.1, mechanism.model.nq))
+        H = mechanism.velocity_map(q)
+        v = H @ rng.normal(size=mechanism.mobility)
+        G, gamma = np.array(f["closure_jacobian"](q)), np.array(f["closure_bias"](q, v)).ravel()
+        a = H @ rng.normal(size=mechanism.mobility) - np.linalg.pinv(G) @ gamma
+        found = loops.at(data, q, v)
+        np.testing.assert_allclose(found.Phi, 0, atol=EXACT)
+        np.testing.assert_allclose(found.G @ H, 0, atol=EXACT)
+        np.testing.assert_allclose(found.G @ a + found.bias, 0, atol=EXACT)
+        assert np.linalg.matrix_rank(found.G, tol=1e-6) == mechanism.model.nq - mechanism.mobility
 
 
 @pytest.mark.parametrize("closure", ["point", "frame"])
 def test_free_motion_keeps_its_energy(tmp_path: Path, closure: str) -> None:
     """With gravity, without torque and friction; a pinned tip moves, a welded one moves as one body of mobility 1."""
-    sidecar = (
-        (find_folder("pkm_2rrr") / "mechanism.yaml").read_text().replace("gravity: [0, 0, 0]", "gravity: [0, -9.81, 0]")
-    )
-    (tmp_path / "pkm_2rrr.urdf").write_bytes((find_folder("pkm_2rrr") / "pkm_2rrr.urdf").read_bytes())
-    (tmp_path / "mechanism.yaml").write_text(sidecar)
-    mechanism = load_mechanism(tmp_path)
+    down = ("gravity: [0, 0, 0]", "gravity: [0, -9.81, 0]")
+    mechanism = load_mechanism(copy_mechanism(tmp_path, sidecar=down))
     closed = mechanism.sidecar.closures[0].model_copy(update={"type": closure})
     mechanism = replace(mechanism, sidecar=mechanism.sidecar.model_copy(update={"closures": (closed,)}))
     free, q = robot(mechanism, ELASTIC | {"inertia": 4e-4}), mechanism.seed
     x = np.concatenate([q, np.zeros(4), q[mechanism.actuated] + [0.3, -0.2], np.zeros(2)])
-    end = solve_ivp(lambda t, x: free.rate(x, np.zeros(2)), (0, 0.1), x, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+    end = solve_ivp(lambda t, x: free.rate(t, x, np.zeros(2)), (0, 0.1), x, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
     moved = np.abs(end[:4] - q).max()
     assert moved > 1e-3
     assert free.energy(end) == pytest.approx(free.energy(x), abs=EXACT)
-    start, later = (free.loops(*free.split(state)[:2]).Phi for state in (x, end))
+    start, later = (free.loops.at(free.data, *free.split(state)[:2]).Phi for state in (x, end))
     np.testing.assert_allclose(later[:3], start[:3], rtol=0, atol=EXACT)
 
 

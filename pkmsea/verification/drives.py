@@ -15,14 +15,16 @@ from pkmsea.errors import InputError
 class Drives:
     """m drives with motor torques tau; rotor and friction stand before the spring, or on the joint where it is rigid.
 
-        elastic:  M_M a_M + d_v v_M + u = tau,   u = c (q_M - q_A)
-        rigid:    M_M a_A + d_v v_A + u = tau
+        elastic:  M_M a_M + d_v v_M + F_C tanh(v_M / w) + u = tau,   u = c (q_M - q_A) + c_3 (q_M - q_A)^3
+        rigid:    M_M a_A + d_v v_A + F_C tanh(v_A / w) + u = tau
 
-    u acts on the joints. `stiffness` (m,) is NaN for rigid drives.
+    u and the parallel springs' k (rest - q_A) act on the joints. `stiffness` (m,) is NaN for rigid drives, `parallel`
+    (m, 2), stiffness and rest position, is NaN where there is none.
     """
 
     actuation: Actuation
     stiffness: np.ndarray
+    parallel: np.ndarray
 
     def __post_init__(self) -> None:
         for i in self.actuation.elastic:
@@ -47,27 +49,49 @@ class Drives:
         return self.actuation.numbers("inertia")
 
     @cached_property
-    def viscous(self) -> np.ndarray:
-        return self.actuation.numbers("friction")
-
-    @cached_property
     def c(self) -> np.ndarray:
         """Stiffness, zero for rigid drives (m,)."""
         return np.where(self.elastic, self.stiffness, 0.0)
 
+    @cached_property
+    def cubic(self) -> np.ndarray:
+        return self.actuation.numbers("cubic")
+
+    @cached_property
+    def beside(self) -> np.ndarray:
+        """Stiffness and rest position of the parallel springs, zero where there is none (2, m)."""
+        return np.nan_to_num(self.parallel).T
+
+    @cached_property
+    def losses(self) -> np.ndarray:
+        """d_v, F_C and w, (3, m)."""
+        return np.array([self.actuation.numbers(key) for key in ("friction", "coulomb", "coulomb_width")])
+
     def friction(self, v_M: np.ndarray) -> np.ndarray:
         """Friction at speeds v_M (..., m)."""
-        return np.asarray(self.viscous * v_M)
+        viscous, coulomb, width = self.losses
+        return np.asarray(viscous * v_M + coulomb * np.tanh(v_M / width))
 
     def spring(self, wound: np.ndarray) -> np.ndarray:
         """Spring forces u at q_M - q_A (..., m)."""
-        return np.asarray(self.c * wound)
+        return np.asarray(self.c * wound + self.cubic * wound**3)
 
-    def spring_energy(self, wound: np.ndarray) -> np.ndarray:
-        """Energy in the springs [J] (...)."""
-        return np.asarray((self.c * wound**2).sum(axis=-1) / 2)
+    def parallel_spring(self, q_A: np.ndarray) -> np.ndarray:
+        """Forces of the parallel springs on the joints (..., m)."""
+        k, rest = self.beside
+        return np.asarray(k * (rest - q_A))
 
-    @cached_property
-    def frequency(self) -> float:
-        """Highest natural frequency of a rotor on its spring [rad/s]; zero without springs."""
-        return float(np.sqrt(self.c[self.elastic] / self.inertia[self.elastic]).max(initial=0.0))
+    def spring_energy(self, wound: np.ndarray, q_A: np.ndarray) -> np.ndarray:
+        """Energy in all springs [J] (...)."""
+        k, rest = self.beside
+        stored = self.c * wound**2 / 2 + self.cubic * wound**4 / 4 + k * (rest - q_A) ** 2 / 2
+        return np.asarray(stored.sum(axis=-1))
+
+    def fastest(self, wound: np.ndarray) -> float:
+        """Highest rate of the motors at deflections up to `wound` (m,) [1/s]: of a rotor on its spring, or in its
+        friction."""
+        at = self.inertia > 0
+        viscous, coulomb, width = self.losses
+        swinging = np.sqrt((self.c + 3 * self.cubic * wound**2)[at] / self.inertia[at])
+        braking = (viscous + coulomb / width)[at & self.elastic] / self.inertia[at & self.elastic]
+        return float(max(swinging.max(initial=0.0), braking.max(initial=0.0)))

@@ -11,32 +11,25 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
+from pkmsea.bridge import frame_id
 from pkmsea.mechanism import Mechanism
 from pkmsea.verification.drives import Drives
+from pkmsea.verification.loops import WORLD, Loops
 
 AXES = ("x", "y", "z")
 RANK = 1e-11  # relative; redundant rows of the closures, such as those across a planar loop, lie far below
-WORLD = pin.LOCAL_WORLD_ALIGNED
-
-
-@dataclass(frozen=True, eq=False)
-class Loops:
-    """The closures at one state: residual Phi [m, rad], Jacobian G (rows, n) and bias dG/dt v (rows,)."""
-
-    Phi: np.ndarray
-    G: np.ndarray
-    bias: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
     """A tree of n joints with its m drives, and loops closed by forces lambda:
 
-        (M + S_A^T M_M S_A) a + h(q, v) = S_A^T f + G^T lambda,    G a + dG/dt v = 0
+        (M + S_A^T M_M S_A) a + h(q, v) + J^T m_L (J a + dJ/dt v - g) = S_A^T f + G^T lambda,    G a + dG/dt v = 0
 
     where f are the spring forces of elastic drives, and tau less friction of rigid ones, whose rotors M_M belong to the
-    joints. The state is x = (q, v, q_M, v_M), the last two of the elastic drives only. All rows of all closures are
-    kept, redundant ones too: the least-norm solution gives the unique acceleration.
+    joints; m_L(t) is the payload at the end effector. The state is x = (q, v, q_M, v_M), the last two of the elastic
+    drives only. All rows of all closures are kept, redundant ones too: the least-norm solution gives the unique
+    acceleration.
     """
 
     drives: Drives
@@ -78,16 +71,19 @@ class Robot:
         return np.triu(np.ones((self.n, self.n))) - np.eye(self.n) / 2
 
     @cached_property
-    def frames(self) -> list[tuple[int, int, bool]]:
-        """Per closure its two frames, and whether their orientations coincide as well."""
-        closures = self.mechanism.sidecar.closures
-        return [(*(self.model.getFrameId(name) for name in c.frames), c.type == "frame") for c in closures]
+    def loops(self) -> Loops:
+        return Loops(self.mechanism)
+
+    @cached_property
+    def constrained(self) -> bool:
+        sidecar = self.mechanism.sidecar
+        return bool(sidecar.closures or sidecar.couplings)
 
     @cached_property
     def end_effector_rows(self) -> tuple[int, list[int]]:
         """Frame of the end effector, and the world axes along which it is followed."""
         declared = self.mechanism.sidecar.end_effector
-        return self.model.getFrameId(declared.frame), [AXES.index(axis) for axis in declared.axes]
+        return frame_id(self.model, declared.frame), [AXES.index(axis) for axis in declared.axes]
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """q, v, q_M, v_M of states (..., 2n + 2e), the last two of the e elastic drives."""
@@ -101,48 +97,55 @@ class Robot:
         position[..., self.drives.elastic], speed[..., self.drives.elastic] = q_M, v_M
         return position, speed
 
-    def rate(self, x: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    def rate(self, t: float, x: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """dx/dt under motor torques tau (m,)."""
         drives = self.drives
         q, v, _, _ = self.split(x)
         q_M, v_M = self.motors(x)
-        left = tau - drives.friction(v_M)
-        spring = drives.spring(q_M - q[self.at])
-        a = self.acceleration(q, v, np.where(drives.elastic, spring, left))
+        q_A, left = q[self.at], tau - drives.friction(v_M)
+        spring = drives.spring(q_M - q_A)
+        f = np.where(drives.elastic, spring, left) + drives.parallel_spring(q_A)
         a_M = (left - spring)[drives.elastic] / drives.inertia[drives.elastic]
-        return np.concatenate([v, a, v_M[drives.elastic], a_M])
+        return np.concatenate([v, self.acceleration(t, q, v, f), v_M[drives.elastic], a_M])
 
-    def acceleration(self, q: np.ndarray, v: np.ndarray, f: np.ndarray) -> np.ndarray:
+    def acceleration(self, t: float, q: np.ndarray, v: np.ndarray, f: np.ndarray) -> np.ndarray:
         """a (n,) from the KKT system of the constrained tree, under forces f (m,) of the drives on the joints."""
         n, model, data = self.n, self.model, self.data
         force = self.on_joints @ f - pin.nonLinearEffects(model, data, q, v)
         M = pin.crba(model, data, q) * self.upper  # Pinocchio sets the upper triangle only
         M = M + M.T + self.rotors_on_joints
-        if not self.frames:
+        loops = self.loops.at(data, q, v)
+        mass = self.payload(t)
+        if mass > 0:
+            J, drift = self._end_effector()
+            M += mass * J.T @ J
+            force -= mass * J.T @ (drift - model.gravity.linear)
+        if not self.constrained:
             return np.asarray(np.linalg.solve(M, force))
-        loops, scale = self.loops(q, v), M.trace() / n
-        rows = loops.G.shape[0]
+        scale, rows = M.trace() / n, loops.Phi.size
         K, right = np.zeros((n + rows, n + rows)), np.concatenate([force / scale, -loops.bias])
         K[:n, :n], K[n:, :n], K[:n, n:] = M / scale, loops.G, loops.G.T
         return np.asarray(np.linalg.lstsq(K, right, rcond=RANK)[0][:n])
 
-    def loops(self, q: np.ndarray, v: np.ndarray) -> Loops:
-        """Frame origins p_2 - p_1 and, where orientations coincide, the rotation between them."""
-        model, data = self.model, self.data
-        pin.computeJointJacobians(model, data, q)
-        pin.forwardKinematics(model, data, q, v, np.zeros(self.n))
-        pin.updateFramePlacements(model, data)
-        Phi, G, bias = [np.zeros(0)], [np.zeros((0, self.n))], [np.zeros(0)]
-        for first, second, oriented in self.frames:
-            rows = slice(0, 6 if oriented else 3)
-            J = [pin.getFrameJacobian(model, data, f, WORLD) for f in (first, second)]
-            drift = [pin.getFrameClassicalAcceleration(model, data, f, WORLD).vector for f in (first, second)]
-            G.append((J[1] - J[0])[rows])
-            bias.append((drift[1] - drift[0])[rows])
-            Phi.append(data.oMf[second].translation - data.oMf[first].translation)
-            if oriented:
-                Phi.append(pin.log3(data.oMf[first].rotation.T @ data.oMf[second].rotation))
-        return Loops(np.concatenate(Phi), np.vstack(G), np.concatenate(bias))
+    def payload(self, t: float) -> float:
+        """m_L(t) [kg]."""
+        carried = self.drives.actuation.payload
+        return 0.0 if carried is None else float(carried(np.array([t]), 0)[0])
+
+    def payload_power(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> float:
+        """Power that the end effector gives to the payload [W]."""
+        mass = self.payload(t)
+        if mass == 0:
+            return 0.0
+        self.loops.at(self.data, q, v)
+        J, drift = self._end_effector()
+        return float(mass * (J @ v) @ (J @ a + drift - self.model.gravity.linear))
+
+    def _end_effector(self) -> tuple[np.ndarray, np.ndarray]:
+        """J (3, n) and dJ/dt v (3,) of the end effector's origin, after `loops.at` has set Pinocchio's data."""
+        frame, _ = self.end_effector_rows
+        J = pin.getFrameJacobian(self.model, self.data, frame, WORLD)[:3]
+        return J, pin.getFrameClassicalAcceleration(self.model, self.data, frame, WORLD).linear
 
     def end_effector(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """r_E, dr_E/dt, d^2r_E/dt^2, (3, axes)."""
@@ -154,12 +157,12 @@ class Robot:
         return np.array([self.data.oMf[frame].translation, velocity, acceleration])[:, axes]
 
     def energy(self, x: np.ndarray) -> float:
-        """Kinetic and potential energy of tree, rotors and springs [J]."""
+        """Kinetic and potential energy of tree, rotors and springs, without the payload [J]."""
         q, v, _, _ = self.split(x)
         q_M, v_M = self.motors(x)
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v) + self.drives.inertia @ v_M**2 / 2
         potential = pin.computePotentialEnergy(self.model, self.data, q)
-        return float(kinetic + potential + self.drives.spring_energy(q_M - q[self.at]))
+        return float(kinetic + potential + self.drives.spring_energy(q_M - q[self.at], q[self.at]))
 
     def singularity(self, q: np.ndarray) -> tuple[float, float]:
         """Reciprocal condition numbers of [G; J_E] and [G; S_A]: distances to singularities of type 1 and 2.
@@ -167,7 +170,7 @@ class Robot:
         Rows of lengths are divided by the largest entry of [G; J_E], to compare with joints.
         """
         frame, axes = self.end_effector_rows
-        G = self.loops(q, np.zeros(self.n)).G
+        G = self.loops.at(self.data, q, np.zeros(self.n)).G
         J_E = pin.getFrameJacobian(self.model, self.data, frame, WORLD)[axes]
         A = np.vstack([G, J_E])
         scale = np.abs(A).max()

@@ -15,6 +15,7 @@ from pkmsea.problem import Problem
 from pkmsea.solution import Solution
 from pkmsea.solution.store import load, read_dataset, to_dataset
 from pkmsea.transcription import Motion
+from pkmsea.verification.drives import Drives
 
 DEGREE = 5  # of the periodic splines through the samples
 SERIES = ("r_E", "q", "v", "q_M", "v_M", "tau", "u", "power", "energy")
@@ -42,6 +43,11 @@ class Reference:
     @property
     def period(self) -> float:
         return self.problem.cycle.period
+
+    @cached_property
+    def drives(self) -> Drives:
+        """The drives with the stored stiffnesses."""
+        return Drives(self.problem.actuation, self.motion.stiffness, self.motion.parallel)
 
     @cached_property
     def states(self) -> np.ndarray:

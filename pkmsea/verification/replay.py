@@ -17,7 +17,7 @@ SEGMENTS = 40  # per period
 CYCLES = 2
 INSTANTS = 1999  # per period at which whole cycles are looked at: a prime, so that they are none of the samples
 TOLERANCE = 1e-10  # relative, of the explicit integration
-STIFF = 2000  # fastest natural frequency of a rotor times the period, beyond which it is implicit
+STIFF = 2000  # fastest rate of a motor times the period, beyond which it is implicit
 STIFF_TOLERANCE = 1e-7  # relative, of the implicit one: tighter, it would follow the rotor's ringing
 FLOOR = 1e-12  # absolute [rad, m, s]
 EVALUATIONS = 600_000  # of the equations of motion in one go, at most: about a minute
@@ -73,10 +73,10 @@ def segments(robot: Robot, reference: Reference, number: int = SEGMENTS) -> Trac
     m = robot.drives.actuation.m
     times = np.append(reference.t, T)
     borders = np.unique(np.linspace(0, K, number + 1).round().astype(int))
-    x = np.empty_like(reference.states)
+    x, stiff = np.empty_like(reference.states), _stiff(robot, reference)
     for a, b in pairwise(borders):
         span = times[a : b + 1]
-        found = _integrate(robot, lambda t, x: robot.rate(x, drive(t)[:m]), reference.states[a], span, T)
+        found = _integrate(lambda t, x: robot.rate(t, x, drive(t)[:m]), reference.states[a], span, stiff)
         x[np.arange(a + 1, b + 1) % K] = found[1:]
     tau = reference.series["tau"]
     return Trace(reference.t, x, tau, np.zeros_like(tau))
@@ -90,19 +90,24 @@ def cycles(robot: Robot, reference: Reference, number: int = CYCLES) -> Trace:
 
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         ahead = drive(t)
-        return robot.rate(x, ahead[:m] + feedback.torque(ahead, *robot.motors(x)))
+        return robot.rate(t, x, ahead[:m] + feedback.torque(ahead, *robot.motors(x)))
 
     edges = [x + k * T for w in reference.problem.cycle.windows for x in (w.start, w.end) for k in range(number + 1)]
     t = np.union1d(np.linspace(0, number * T, number * INSTANTS + 1), [x for x in edges if 0 <= x <= number * T])
-    x = _integrate(robot, rate, reference.states[0], t, T)
+    x = _integrate(rate, reference.states[0], t, _stiff(robot, reference))
     ahead = drive(t)
     added = feedback.torque(ahead, *robot.motors(x))
     return Trace(t, x, ahead[:, :m] + added, added)
 
 
-def _integrate(robot: Robot, rate: Rate, x: np.ndarray, t: np.ndarray, period: float) -> np.ndarray:
+def _stiff(robot: Robot, reference: Reference) -> bool:
+    """Whether the motors are so much faster than the cycle that an implicit method is due."""
+    wound = np.abs(reference.series["q_M"] - reference.series["q"][:, robot.at]).max(axis=0)
+    return robot.drives.fastest(wound) * reference.period > STIFF
+
+
+def _integrate(rate: Rate, x: np.ndarray, t: np.ndarray, stiff: bool) -> np.ndarray:
     """States at times t (len(t), len(x))."""
-    stiff = robot.drives.frequency * period > STIFF
     calls = count()
 
     def counted(time: float, state: np.ndarray) -> np.ndarray:

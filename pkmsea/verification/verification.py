@@ -12,7 +12,6 @@ from scipy.integrate import simpson
 from pkmsea.problem import Bound
 from pkmsea.solution import Solution
 from pkmsea.solution.audit import IDLE
-from pkmsea.verification.drives import Drives
 from pkmsea.verification.dynamics import Robot
 from pkmsea.verification.observe import Observed, observe
 from pkmsea.verification.reference import Reference, reference
@@ -46,7 +45,7 @@ class Verification:
     deviations : largest deviation of each stored series from the simulated one in a segment, relative to its range;
         'flat_output' compares the stored coefficients with the stored series.
     closure : largest closure residual of all replays [m, rad].
-    balance : |work of motors and friction - change of mechanical energy| over the cycles, relative like `gap`.
+    balance : |work of motors, friction and payload - change of mechanical energy| over the cycles, relative like `gap`.
     periodicity : largest change of the end effector from cycle to cycle [m].
     feedback, feedback_energy : largest torque of the feedback relative to the peak torque, and the energy that it
         moves relative to the drives' turnover.
@@ -95,7 +94,7 @@ def verify(source: Solution | str | Path) -> Verification:
     SolveError : the simulation broke down.
     """
     said = reference(source)
-    robot = Robot(Drives(said.problem.actuation, said.motion.stiffness))
+    robot = Robot(said.drives)
     pieces, whole = segments(robot, said), cycles(robot, said)
     short, long = observe(robot, pieces), observe(robot, whole)
     simulated = float(np.maximum(short.power, 0).mean() * said.period)
@@ -138,7 +137,7 @@ def _deviations(said: Reference, short: Observed) -> dict[str, float]:
 
 
 def _balance(long: Observed) -> float:
-    """|work of the motors less friction - change of mechanical energy| [J]."""
+    """|work of the motors less friction and payload - change of mechanical energy| [J]."""
     return abs(float(simpson(long.supplied, x=long.t) - (long.mechanical[-1] - long.mechanical[0])))
 
 
