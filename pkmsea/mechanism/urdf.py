@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import logging
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import yourdfpy
 from lxml import etree
 
 from pkmsea.bridge import frame_id
@@ -50,13 +53,29 @@ def build_model(source: Source) -> tuple[pin.Model, str, list[str]]:
     file, draft = source.tree, source.draft
     tree.check(source.root, file)
     notes = clean(source.root, file, draft.locked)
-    model = _pinocchio(etree.tostring(source.root, encoding="unicode"), file)
+    text = etree.tostring(source.root, encoding="unicode")
+    _validate(text, file)
+    model = _pinocchio(text, file)
     model.gravity.linear = np.array(draft.gravity)
     for name, placement in draft.frames.items():
         _add_frame(model, name, placement.link, pin.SE3(
             pin.rpy.rpyToMatrix(np.array(placement.rpy)), np.array(placement.xyz)), source)  # fmt: skip
     sticks.add(source.root, model)
     return model, etree.tostring(source.root, encoding="unicode"), notes
+
+
+def _validate(text: str, file: Path) -> None:
+    """What yourdfpy finds wrong with a cleaned tree."""
+    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # it logs what the error below says
+    try:
+        robot = yourdfpy.URDF.load(
+            io.BytesIO(text.encode()), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
+        )
+        valid, faults = robot.validate(), robot.errors
+    except Exception as error:
+        raise MechanismError(f"The URDF cannot be read: {error!r}.", "Mend that element.", file=file) from error
+    if not valid:
+        raise MechanismError(f"The URDF is not valid: {faults[0]}.", "Mend that element.", file=file)
 
 
 def _pinocchio(text: str, file: Path) -> pin.Model:

@@ -8,7 +8,7 @@ subject to         the robot's equations of motion (through its flat output y), 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from pathlib import Path
 
@@ -17,7 +17,7 @@ import numpy as np
 from pkmsea.actuation import Actuation
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.mechanism import Mechanism, load_mechanism
-from pkmsea.mechanism.urdf import shipped
+from pkmsea.mechanism.urdf import find, shipped
 from pkmsea.task import Cycle, Options, Setup, Task
 from pkmsea.task.task import TaskLimits
 
@@ -86,10 +86,10 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
             key=f"setups.{task.setups.index(setup)}.mechanism",
             value=setup.mechanism,
         )
-    mechanism = load_mechanism(source)
+    mechanism = _unchanged(source)
     m = len(mechanism.actuated)
     drives = tuple(drive.at_output() for drive in (setup.drives * m if len(setup.drives) == 1 else setup.drives))
-    axes = [str(axis) for axis in mechanism.sidecar.end_effector.axes]
+    axes = [str(axis) for axis in mechanism.sidecar.end_effector.coordinates]
     if len(task.cycle.points[0].at) != len(axes):
         raise InputError(
             f"The operating points have {len(task.cycle.points[0].at)} coordinates, but the end effector of "
@@ -103,6 +103,19 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
         *_drive_bounds(actuation),
     )
     return Problem(task, setup, actuation, bounds)
+
+
+def _unchanged(source: Path) -> Mechanism:
+    """The mechanism, loaded again only if a file beside it has changed: its Functions are shared by many problems."""
+    found = find(source)
+    folder = found if found.is_dir() else found.parent
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    return _loaded(source, tuple((path, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
+
+
+@lru_cache(maxsize=16)
+def _loaded(source: Path, files: tuple[tuple[Path, int, int], ...]) -> Mechanism:
+    return load_mechanism(source)
 
 
 def _bounds(group: str, quantities: tuple[str, ...], names: list[str], limits: TaskLimits, task: Task) -> list[Bound]:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from pkmsea.errors import Unreachable
 from pkmsea.mechanism import Mechanism, pose
 from pkmsea.transcription.compiled import Kernel
 
@@ -80,10 +81,16 @@ def poses_along(mechanism: Mechanism, pose_step: Batch, targets: np.ndarray) -> 
 
     Raises
     ------
-    FloatingPointError, Unreachable : the path leaves the workspace.
+    FloatingPointError : the path leaves the workspace.
     """
-    single = pose.task_system(mechanism)
-    count = targets.shape[0]
+    try:
+        return _follow(mechanism, pose_step, targets)
+    except Unreachable as error:
+        raise FloatingPointError("the path leaves the workspace") from error
+
+
+def _follow(mechanism: Mechanism, pose_step: Batch, targets: np.ndarray) -> np.ndarray:
+    single, count = pose.task_system(mechanism), targets.shape[0]
     for stride in (*(max(count // points, 1) for points in FOLLOWED), 1):
         q = mechanism.configuration(targets[0])
         strided = []

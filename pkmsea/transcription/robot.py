@@ -15,7 +15,6 @@ from scipy import sparse
 
 from pkmsea.actuation import NUMBERS, Actuation
 from pkmsea.actuation.equations import stage_functions
-from pkmsea.errors import Unreachable
 from pkmsea.mechanism import pose
 from pkmsea.transcription.bases import Basis, derivative_weights
 from pkmsea.transcription.batch import Batch, close_poses, poses_along
@@ -87,10 +86,7 @@ class RobotOnGrid:
     def start(self, x: np.ndarray) -> None:
         """Find the poses along a first trajectory; those of the following ones are found from the last."""
         targets = self.jets(x)[:, : self.delta]
-        try:
-            poses = poses_along(self.actuation.mechanism, self._pose_step, targets)
-        except Unreachable as error:
-            raise FloatingPointError("the first trajectory leaves the workspace") from error
+        poses = poses_along(self.actuation.mechanism, self._pose_step, targets)
         self._last = x.copy(), poses
         self._signs = None
 
