@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from pkmsea.bridge import frame_id
 from pkmsea.verification.dynamics import Robot
 from pkmsea.verification.reference import Reference
 from pkmsea.verification.replay import feedback_of
@@ -32,7 +33,10 @@ class Replay:
 
 
 def mjcf(robot: Robot) -> str:
-    """The mechanism as MJCF: bodies, inertias and joints of the tree, rotors behind tendons, loops as constraints."""
+    """The mechanism as MJCF: bodies, inertias and joints of the tree, rotors behind tendons, loops as constraints.
+
+    Only for what this replay covers: point and frame closures, linear springs in series, viscous friction.
+    """
     root = ElementTree.Element("mujoco")
     _add(root, "compiler", **COMPILER)
     option = {"integrator": "RK4", "tolerance": "1e-14", "gravity": _text(robot.model.gravity.linear)}
@@ -41,11 +45,13 @@ def mjcf(robot: Robot) -> str:
     bodies = [world]
     for i in range(1, robot.model.njoints):
         bodies.append(_link(robot, i, bodies[robot.model.parents[i]]))
-    for frame in robot.model.frames:
-        _add(bodies[frame.parentJoint], "site", name=f"site {frame.name}", **_at(frame.placement))
+    sidecar = robot.mechanism.sidecar
+    for name in {sidecar.end_effector.frame, *(name for closure in sidecar.closures for name in closure.frames)}:
+        frame = robot.model.frames[frame_id(robot.model, name)]
+        _add(bodies[frame.parentJoint], "site", name=f"site {name}", **_at(frame.placement))
     _rotors(robot, root, world)
     equality = _add(root, "equality")
-    for closure in robot.mechanism.sidecar.closures:
+    for closure in sidecar.closures:
         first, second = (f"site {name}" for name in closure.frames)
         _add(equality, "weld" if closure.type == "frame" else "connect", site1=first, site2=second, **STIFF)
     return ElementTree.tostring(root, encoding="unicode")
@@ -95,8 +101,7 @@ def replay(robot: Robot, reference: Reference) -> Replay:
     data, motors = mujoco.MjData(model), _start(robot, reference.states[0], model)
     data.qpos, data.qvel = motors.q, motors.v
     kappa, feedback = robot.drives.actuation.numbers("copper_loss"), feedback_of(robot, reference)
-    frame, axes = robot.end_effector_rows
-    tip = model.site(f"site {robot.model.frames[frame].name}").id
+    tip, axes = model.site(f"site {robot.mechanism.sidecar.end_effector.frame}").id, robot.axes
     grid = np.arange(CYCLES * STEPS + 1) * step
     ahead, middle = reference.drive(grid), reference.drive(grid + step / 2)[:, : len(motors.dofs)]
     follow = reference.motion.flat_output(grid)[:, : len(axes)]

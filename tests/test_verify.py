@@ -33,7 +33,6 @@ LIMITED = ELASTIC | HEAVY | {"torque": 0.3, "speed": 20}
 SETUPS = {
     "slider": ("linear_axis_2", SLIDER_ELASTIC, {"options": FOURIER}),
     "rigid slider": ("linear_axis_1", SLIDER_RIGID, {"options": FOURIER}),
-    "two rigid arms": ("pkm_2rrr", RIGID, {}),
     "two elastic arms": ("pkm_2rrr", LIMITED, {"limits": {"joints": {"acceleration": 200}}}),
     "three elastic arms": ("pkm_3rrr", ELASTIC | HEAVY, {}),
     "all elements": (
@@ -96,6 +95,15 @@ def test_solutions_are_confirmed(solved: Callable[[str], Solution], name: str) -
     assert found.closure < EXACT
     assert found.window < 0
     assert all(excess < 0 for excess in found.limits.values())
+
+
+def test_joints_as_task_coordinates(tmp_path: Path) -> None:
+    folder = copy_mechanism(tmp_path, sidecar=("axes: [x, y]", "joints: [A, B]"))
+    mechanism = load_mechanism("pkm_2rrr")
+    poses = [mechanism.configuration(point)[mechanism.actuated] for point in ([-0.06, -0.06], [0.06, 0.06])]
+    points = [{"at": list(pose), "rest": 0.1, "window": 5e-3} for pose in poses]
+    found = verify(solve(task(str(folder), RIGID, cycle={"period": 1.0, "points": points}), workers=1))
+    assert found.verified, found.status
 
 
 @pytest.mark.parametrize("name", ["pkm_2rrr", "pkm_3rrr"])

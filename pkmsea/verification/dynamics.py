@@ -80,10 +80,18 @@ class Robot:
         return bool(sidecar.closures or sidecar.couplings)
 
     @cached_property
-    def end_effector_rows(self) -> tuple[int, list[int]]:
-        """Frame of the end effector, and the world axes along which it is followed."""
-        declared = self.mechanism.sidecar.end_effector
-        return frame_id(self.model, declared.frame), [AXES.index(axis) for axis in declared.axes]
+    def end_effector_frame(self) -> int:
+        return frame_id(self.model, self.mechanism.sidecar.end_effector.frame)
+
+    @cached_property
+    def axes(self) -> list[int]:
+        """World axes along which the end effector is followed; none where joints are followed in place of it."""
+        return [AXES.index(axis) for axis in self.mechanism.sidecar.end_effector.axes]
+
+    @cached_property
+    def followed(self) -> list[int]:
+        """Index into q of the joints that are followed in place of the end effector."""
+        return [self.mechanism.joints.index(name) for name in self.mechanism.sidecar.end_effector.joints]
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """q, v, q_M, v_M of states (..., 2n + 2e), the last two of the e elastic drives."""
@@ -143,18 +151,20 @@ class Robot:
 
     def _end_effector(self) -> tuple[np.ndarray, np.ndarray]:
         """J (3, n) and dJ/dt v (3,) of the end effector's origin, after `loops.at` has set Pinocchio's data."""
-        frame, _ = self.end_effector_rows
+        frame = self.end_effector_frame
         J = pin.getFrameJacobian(self.model, self.data, frame, WORLD)[:3]
         return J, pin.getFrameClassicalAcceleration(self.model, self.data, frame, WORLD).linear
 
     def end_effector(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """r_E, dr_E/dt, d^2r_E/dt^2, (3, axes)."""
-        frame, axes = self.end_effector_rows
+        """r_E, dr_E/dt, d^2r_E/dt^2, (3, delta)."""
+        if self.followed:
+            return np.array([q, v, a])[:, self.followed]
+        frame = self.end_effector_frame
         pin.forwardKinematics(self.model, self.data, q, v, a)
         pin.updateFramePlacements(self.model, self.data)
         velocity = pin.getFrameVelocity(self.model, self.data, frame, WORLD).linear
         acceleration = pin.getFrameClassicalAcceleration(self.model, self.data, frame, WORLD).linear
-        return np.array([self.data.oMf[frame].translation, velocity, acceleration])[:, axes]
+        return np.array([self.data.oMf[frame].translation, velocity, acceleration])[:, self.axes]
 
     def energy(self, x: np.ndarray) -> float:
         """Kinetic and potential energy of tree, rotors and springs, without the payload [J]."""
@@ -169,9 +179,8 @@ class Robot:
 
         Rows of lengths are divided by the largest entry of [G; J_E], to compare with joints.
         """
-        frame, axes = self.end_effector_rows
         G = self.loops.at(self.data, q, np.zeros(self.n)).G
-        J_E = pin.getFrameJacobian(self.model, self.data, frame, WORLD)[axes]
+        J_E = np.eye(self.n)[self.followed] if self.followed else self._end_effector()[0][self.axes]
         A = np.vstack([G, J_E])
         scale = np.abs(A).max()
         inverse, direct = (
