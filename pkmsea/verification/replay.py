@@ -20,7 +20,7 @@ TOLERANCE = 1e-10  # relative, of the explicit integration
 STIFF = 2000  # fastest rate of a motor times the period, beyond which it is implicit
 STIFF_TOLERANCE = 1e-7  # relative, of the implicit one: tighter, it would follow the rotor's ringing
 FLOOR = 1e-12  # absolute [rad, m, s]
-EVALUATIONS = 600_000  # of the equations of motion in one go, at most: about a minute
+EVALUATIONS = 400_000  # of the equations of motion in one go, at most: about half a minute
 
 Rate = Callable[[float, np.ndarray], np.ndarray]
 

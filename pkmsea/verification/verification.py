@@ -85,6 +85,7 @@ class Verification:
         return "not verified: " + "; ".join(self.faults) if self.faults else "verified"
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a wrong result may move without bounds; the checks say so
 def verify(source: Solution | str | Path) -> Verification:
     """Simulate a solution, or a result file as it is stored, and compare; see `Verification`.
 
