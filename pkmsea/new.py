@@ -93,7 +93,7 @@ def task_text(mechanism: Mechanism) -> str:
         f"window: {_short(WINDOW * way)}}}"
         for point in points
     ]
-    sides = zip(end_effector.axes, *box(points), strict=True)
+    sides = zip(end_effector.coordinates, *box(points), strict=True)
     room = ", ".join(f"{axis}: [{_short(low, 3)}, {_short(high, 3)}]" for axis, low, high in sides)
     rigid, elastic = _drives(mechanism)
     return "\n".join([
@@ -101,10 +101,10 @@ def task_text(mechanism: Mechanism) -> str:
         f"name: {mechanism.name}",
         "cycle:",
         f"  period: {PERIOD}  # [s]",
-        f"  points:  # of {end_effector.frame} along {', '.join(end_effector.axes)} [m]; rest [s], window [m]",
+        f"  points:  # {end_effector.frame}: {', '.join(end_effector.coordinates)} [m, rad]; rest [s], window [m, rad]",
         *cycle,
         "limits:",
-        f"  end_effector: {{position: {{{room}}}}}  # [m]; keeps clear of singularities",
+        f"  end_effector: {{position: {{{room}}}}}  # [m, rad]; keeps clear of singularities",
         "setups:  # the first one is the reference",
         "  - name: rigid",
         "    mechanism: .  # the folder of this file",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import subprocess
 import sys
@@ -51,6 +52,21 @@ def test_base_geometry_study(tmp_path: Path) -> None:
     header, row, *_ = table.read_text().splitlines()
     assert len(row.split(",")) == len(header.split(","))
     assert 90 < float(row.split(",")[3]) < 102  # PKM SEA of table 2 [%]
+
+
+def test_transcriptions_study(tmp_path: Path) -> None:
+    """Reduced: one case at the coarsest size. Finer grids than knots claim the truth, samples at the knots do not."""
+    run("studies/transcriptions", tmp_path, "--quick", "-o", str(tmp_path))
+    with (tmp_path / "transcriptions.csv").open(newline="", encoding="utf-8") as file:
+        rows = {row["scheme"]: row for row in csv.DictReader(file)}
+    gaps = {scheme: abs(float(row["gap"])) for scheme, row in rows.items()}
+    assert all(row["outcome"] == "optimal" for row in rows.values())
+    assert gaps["Default"] < 0.005 and gaps["Oversampled"] < 0.005
+    assert min(gaps["KnotSamples"], gaps["EnergyBalance"]) > 20 * gaps["Default"]
+    assert (
+        float(rows["KnotSamples"]["true"]) > 2 * float(rows["Default"]["true"]) > float(rows["KnotSamples"]["claimed"])
+    )
+    assert (tmp_path / "transcriptions.png").stat().st_size > 0
 
 
 @pytest.fixture(scope="module")

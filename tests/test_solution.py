@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import ELASTIC, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
+from conftest import ELASTIC, PARALLEL, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
 
 from pkmsea.errors import Infeasible, InputError
 from pkmsea.solution import Solution, solve
@@ -144,3 +144,14 @@ def test_workers_do_not_change_the_result() -> None:
     one, two = (solve(drives, workers=workers) for workers in (1, 2))
     assert one.energy == pytest.approx(two.energy, rel=1e-9)
     assert [start.outcome for start in one.starts] == [start.outcome for start in two.starts]
+
+
+def test_payload_and_parallel_springs_solve() -> None:
+    """The stage equations and the flat map see the same payload; springs that carry the arms save much."""
+    payload = {"mass": 0.1, "pick": 1, "place": 2}
+    rigid, parallel = (
+        solve(task("pkm_2rrr", drives, payload=payload), workers=1) for drives in (RIGID, RIGID | PARALLEL)
+    )
+    assert rigid.verified and parallel.verified, (rigid.status, parallel.status)
+    assert parallel.energy < 0.5 * rigid.energy
+    assert np.all(np.isfinite(parallel.motion.parallel))

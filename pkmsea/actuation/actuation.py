@@ -171,7 +171,7 @@ class Actuation:
     @cached_property
     def flat_outputs(self) -> list[str]:
         """Names of the flat output's entries."""
-        axes = [f"{axis}_E" for axis in self.mechanism.sidecar.end_effector.axes]
+        axes = [f"{axis}_E" for axis in self.mechanism.sidecar.end_effector.coordinates]
         return axes + [("q_M " if self.drives[i].elastic else "tau ") + self.labels[i] for i in self.free]
 
     def relative_degree(self) -> tuple[int, ...]:

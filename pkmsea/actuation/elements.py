@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import casadi as ca
 
 from pkmsea.actuation.actuation import Shape
@@ -11,11 +13,17 @@ def payload_load(shape: Shape, q: ca.SX, v: ca.SX, a: ca.SX, mass: ca.SX) -> ca.
     """J^T mass (dv_E/dt - gravity) on the joints (n,), for a point mass at the end effector's origin; zero if none."""
     if not shape.payload:
         return ca.SX(q.numel(), 1)
-    mechanism = shape.mechanism
-    frame = mechanism.sidecar.end_effector.frame
-    J = mechanism.tree.jacobian[frame](q)[:3, :]
+    return _point_mass(shape)(q, v, a, mass)
+
+
+@lru_cache(maxsize=32)
+def _point_mass(shape: Shape) -> ca.Function:
+    """`payload_load` with symbols of its own, so that v and a may be expressions of q."""
+    n, mechanism = shape.mechanism.model.nq, shape.mechanism
+    q, v, a, mass = (ca.SX.sym(name, size) for name, size in (("q", n), ("v", n), ("a", n), ("mass", 1)))
+    J = mechanism.tree.jacobian[mechanism.sidecar.end_effector.frame](q)[:3, :]
     acceleration = ca.mtimes(J, a) + ca.jtimes(ca.mtimes(J, v), q, v) - ca.DM(mechanism.model.gravity.linear)
-    return ca.mtimes(J.T, mass * acceleration)
+    return ca.Function("point_mass", [q, v, a, mass], [ca.mtimes(J.T, mass * acceleration)])
 
 
 def spring_force(shape: Shape, i: int, c: ca.SX, cubic: ca.SX, deflection: ca.SX) -> ca.SX:

@@ -116,11 +116,14 @@ def _minimal(
     M = ca.mtimes([H.T, tree.mass_matrix(q), H])
     g = ca.mtimes(H.T, tree.inverse_dynamics(q, v, gamma))
     H_A = H[[joints.index(name) for name in sidecar.actuated], :]
-    axes = [AXES[axis] for axis in sidecar.end_effector.axes]
-    r_E = ca.densify(tree.placement[sidecar.end_effector.frame](q)[axes, 3])
-    J_E = tree.jacobian[sidecar.end_effector.frame](q)[axes, :]
+    end_effector = sidecar.end_effector
+    axes = [AXES[axis] for axis in end_effector.axes]
+    r_E, J_E = tree.placement[end_effector.frame](q)[axes, 3], tree.jacobian[end_effector.frame](q)[axes, :]
+    if end_effector.joints:
+        followed = [joints.index(name) for name in end_effector.joints]
+        r_E, J_E = q[followed], ca.SX.eye(model.nq)[followed, :]
     named = {
-        "end_effector": ([q], r_E, "r_E"),
+        "end_effector": ([q], ca.densify(r_E), "r_E"),
         "end_effector_jacobian": ([q], J_E, "J_E"),
         "velocity_map": ([q], H, "H"),
         "actuation_jacobian": ([q], H_A, "H_A"),

@@ -51,12 +51,12 @@ def scatter(closure: Closure, seed: np.ndarray) -> list[np.ndarray]:
 @lru_cache(maxsize=32)
 def task_system(mechanism: Mechanism) -> ca.Function:
     """(Psi, A)(q) with Psi = [Phi; r_E] and A = dPsi/dq, (n, n): A v = [0; dr_E/dt]."""
-    axes, delta = len(mechanism.sidecar.end_effector.axes), mechanism.mobility
+    axes, delta = len(mechanism.sidecar.end_effector.coordinates), mechanism.mobility
     if axes != delta:
         raise InputError(
-            f"The end effector is followed along {axes} axes, but the mechanism has mobility {delta}.",
-            f"Name {delta} axes, so that the end effector determines the pose.",
-            file=mechanism.folder / "mechanism.yaml", key="end_effector.axes",
+            f"The end effector is followed in {axes} coordinates, but the mechanism has mobility {delta}.",
+            f"Name {delta} axes (or joints), so that the end effector determines the pose.",
+            file=mechanism.folder / "mechanism.yaml", key="end_effector",
         )  # fmt: skip
     q = ca.SX.sym("q", mechanism.model.nq)
     f = mechanism.functions
@@ -81,8 +81,8 @@ def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:
     if point.shape != start.shape or not np.all(np.isfinite(point)):
         raise InputError(
             f"A point of this mechanism has {start.size} finite coordinates "
-            f"({', '.join(mechanism.sidecar.end_effector.axes)}).",
-            "Give them in m.", key="point", value=point.tolist(),
+            f"({', '.join(mechanism.sidecar.end_effector.coordinates)}).",
+            "Give them in m (rad for joints).", key="point", value=point.tolist(),
         )  # fmt: skip
     q, done = walk(mechanism, point)
     if done < 1.0:
@@ -131,8 +131,8 @@ def newton(system: ca.Function, q: np.ndarray, target: np.ndarray) -> np.ndarray
 
 def _unreachable(mechanism: Mechanism, point: np.ndarray, reached: np.ndarray) -> Unreachable:
     return Unreachable(
-        f"The mechanism '{mechanism.name}' cannot reach the point {_text(point)} m on its assembly mode; on the way "
-        f"from its seed it gets as far as {_text(reached)} m.",
+        f"The mechanism '{mechanism.name}' cannot reach the point {_text(point)} on its assembly mode; on the way "
+        f"from its seed it gets as far as {_text(reached)}.",
         "Move the point into the workspace ('pkmsea check' prints it), or declare another assembly mode under 'seed'.",
         key="point",
     )

@@ -68,6 +68,8 @@ def check_joint_names(source: Source, model: pin.Model) -> None:
     named: list[tuple[str, str, Any]] = [
         (key, key, name) for key in ("actuated", "independent", "seed") for name in getattr(draft, key) or ()
     ]
+    if draft.end_effector is not None:
+        named += [("end_effector", "end_effector.joints", name) for name in draft.end_effector.joints]
     for i, coupling in enumerate(draft.couplings):
         named += [("couplings", f"couplings.{i}.{end}", getattr(coupling, end)) for end in ("joint", "of")]
     for key, place, name in named:
@@ -88,15 +90,15 @@ def _drives(source: Source, loops: Loops, model: pin.Model) -> tuple[str, ...]:
 
 
 def _end_effector(source: Source, loops: Loops, model: pin.Model) -> EndEffector:
-    """A frame named like a tool, else one at a closure, else the last link, whose origin follows the motion."""
+    """A frame named like a tool, else one at a closure, else the last link, whose origin follows the motion.
+
+    More than three coordinates need joints in place of the origin.
+    """
     where: dict[str, Any] = {"file": source.where("end_effector"), "key": "end_effector"}
     if loops.mobility > len(AXES):
-        raise MechanismError(
-            f"The mechanism has mobility {loops.mobility}, but an end effector is followed along {len(AXES)} axes at "
-            "most.",
-            f"Hold {loops.mobility - len(AXES)} or more joints at a position under 'locked', out of: "
-            f"{', '.join(list(model.names)[1:])}.", **where,
-        )  # fmt: skip
+        chosen = loops.independent([])
+        frame = next(iter(_candidates(source, model)), model.frames[-1].name)
+        return EndEffector(frame=frame, joints=tuple(list(model.names)[1:][i] for i in chosen))
     ranked = _ranked(source, model, loops.seed, loops.G[0])
     found = next((follower for worth, follower in ranked if worth >= WORTH), None)
     if found is None:
@@ -118,6 +120,9 @@ def _ranked(source: Source, model: pin.Model, q: np.ndarray, G: np.ndarray) -> l
     condition number of [G; J_E], zero at the border of the workspace."""
     mobility = model.nq - G.shape[0]
     declared = source.draft.end_effector
+    if declared and declared.joints:
+        S = np.eye(model.nq)[[list(model.names)[1:].index(name) for name in declared.joints]]
+        return [(_worth(G, S), declared)] if len(S) == mobility else []
     if mobility > len(AXES) or (declared and len(declared.axes) != mobility):
         return []
     data = model.createData()

@@ -71,17 +71,27 @@ class Plane(Record):
 
 
 class EndEffector(Record):
-    """The task-space point r_E: the origin of a frame, along world axes."""
+    """The task coordinates r_E: the origin of a frame along world axes, or `joints` where that does not fix the motion.
+
+    The frame is also where a payload hangs and what the views trace.
+    """
 
     frame: Name
-    axes: tuple[Literal["x", "y", "z"], ...] = Field(min_length=1, max_length=3)
+    axes: tuple[Literal["x", "y", "z"], ...] = Field((), max_length=3)
+    joints: tuple[Name, ...] = ()
 
-    @field_validator("axes")
-    @classmethod
-    def _distinct(cls, axes: tuple[str, ...]) -> tuple[str, ...]:
-        if len(set(axes)) < len(axes):
-            raise ValueError("an axis stands twice")
-        return axes
+    @model_validator(mode="after")
+    def _one_kind(self) -> EndEffector:
+        if bool(self.axes) == bool(self.joints):
+            raise ValueError("give either axes or joints, as many as the mechanism has mobility")
+        if len(set(self.coordinates)) < len(self.coordinates):
+            raise ValueError("an axis or joint stands twice")
+        return self
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the axes, or of the joints."""
+        return self.axes or self.joints
 
 
 class Draft(Record):

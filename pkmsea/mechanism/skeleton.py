@@ -23,7 +23,7 @@ COMMENTS = {
     "gravity": "[m/s^2], world frame",
     "actuated": "joint of each drive, in drive order",
     "independent": "minimal coordinates",
-    "end_effector": "frame whose origin is followed, along world axes",
+    "end_effector": "frame whose origin is followed along world axes; or joints in place of axes",
     "seed": "joint positions near a closed pose; they select the assembly mode [rad, m]",
 }
 FILL_IN = {

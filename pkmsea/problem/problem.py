@@ -89,7 +89,7 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
     mechanism = _unchanged(source)
     m = len(mechanism.actuated)
     drives = tuple(drive.at_output() for drive in (setup.drives * m if len(setup.drives) == 1 else setup.drives))
-    axes = [str(axis) for axis in mechanism.sidecar.end_effector.axes]
+    axes = [str(axis) for axis in mechanism.sidecar.end_effector.coordinates]
     if len(task.cycle.points[0].at) != len(axes):
         raise InputError(
             f"The operating points have {len(task.cycle.points[0].at)} coordinates, but the end effector of "

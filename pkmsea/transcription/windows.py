@@ -11,7 +11,8 @@ from pkmsea.problem import Problem
 from pkmsea.task import Window
 from pkmsea.transcription.bases import Basis
 
-MARGIN = 3e-3  # of a window or limit, left for what happens between two samples
+CURVATURE = 8.0  # of a path within a window, by trial: it leaves a sampled window by this times (spacing / length)^2
+LIMIT_MARGIN = 1e-3  # of a limit, left for what happens between two samples
 PER_GRID_STEP = 2  # window samples per step of the grid
 FEWEST = 9
 
@@ -34,13 +35,13 @@ def window_times(window: Window, step: float) -> np.ndarray:
 
 
 def narrowed(lower: float, upper: float) -> tuple[float, float]:
-    """A limit with MARGIN of its larger side taken off both ends."""
-    margin = MARGIN * max(abs(x) for x in (lower, upper) if np.isfinite(x))
+    """A limit with LIMIT_MARGIN of its larger side taken off both ends."""
+    margin = LIMIT_MARGIN * max(abs(x) for x in (lower, upper) if np.isfinite(x))
     return lower + margin, upper - margin
 
 
 def linear_rows(problem: Problem, basis: Basis, samples: int, size: int) -> LinearRows:
-    """Rows for the windows, each a little narrower than asked (MARGIN), and for the end effector's limits."""
+    """Rows for the windows, each a little narrower than asked, and for the end effector's limits."""
     step = basis.period / samples
     blocks, lower, upper = [], [], []
 
@@ -52,8 +53,9 @@ def linear_rows(problem: Problem, basis: Basis, samples: int, size: int) -> Line
         upper.append(np.full(matrix.shape[0], high))
 
     for window in problem.cycle.windows:
-        deviation = window.deviation * (1 - MARGIN)
-        at = basis.matrix(window_times(window, step))
+        times = window_times(window, step)
+        deviation = window.deviation * (1 - CURVATURE / max(times.size - 1, FEWEST - 1) ** 2)
+        at = basis.matrix(times)
         add(window.axis, at, window.at - deviation, window.at + deviation)
     grid = np.arange(samples) * step
     for bound in problem.bounds:

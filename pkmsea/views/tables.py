@@ -129,7 +129,7 @@ def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
     inverse, direct = mechanism.singularity(mechanism.seed)
     start, far = mechanism.end_effector(mechanism.seed).round(9) + 0.0, size(mechanism)
     along = {}
-    for axis, direction in zip(mechanism.sidecar.end_effector.axes, np.eye(start.size), strict=True):
+    for axis, direction in zip(mechanism.sidecar.end_effector.coordinates, np.eye(start.size), strict=True):
         ends = [float(start @ direction) + sign * reach(mechanism, sign * direction, far) for sign in (-1, 1)]
         along[axis] = [round(end, 3) + 0.0 for end in ends]
     return {
@@ -160,7 +160,7 @@ def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
     table = Table(title=mechanism.name, box=box.SIMPLE_HEAD, show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
-    axes = ", ".join(mechanism.sidecar.end_effector.axes)
+    axes = ", ".join(mechanism.sidecar.end_effector.coordinates)
     closures = ", ".join(record["closures"]) or "none"
     drives = ", ".join(record["actuated"])
     matrix = "\n".join("  ".join(f"{x:9.4f}" for x in row) for row in record["H_A"])
