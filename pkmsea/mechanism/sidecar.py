@@ -97,7 +97,9 @@ class EndEffector(Record):
 class Draft(Record):
     """What the files of one mechanism say, in whatever convention; keys that nobody has said yet are None."""
 
-    urdf: str | None = Field(None, description="file of the tree; default: the only one of the folder")
+    urdf: str | None = Field(
+        None, description="file of the tree, or 'example-robot-data/FILE'; default: the only one of the folder"
+    )
     frames: dict[Name, Placement] = Field(default_factory=dict, description="frames that the tree lacks, by name")
     closures: tuple[Closure, ...] = ()
     couplings: tuple[Coupling, ...] = ()

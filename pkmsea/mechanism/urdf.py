@@ -14,7 +14,7 @@ from lxml import etree
 
 from pkmsea.bridge import frame_id
 from pkmsea.errors import InputError, MechanismError, NameNotFound
-from pkmsea.mechanism import sticks, tree
+from pkmsea.mechanism import robots, sticks, tree
 from pkmsea.mechanism.clean import clean
 from pkmsea.mechanism.conventions import Source
 
@@ -23,17 +23,20 @@ CHECKOUT = Path(__file__).parents[2] / "urdf"
 
 
 def find(source: str | Path) -> Path:
-    """A mechanism's folder or file: a path, or the name of one that pkmsea ships ('pkm_2rrr', 'urdf/pkm_2rrr')."""
+    """A mechanism's folder or file: a path, the name of one that pkmsea ships ('pkm_2rrr', 'urdf/pkm_2rrr'), or of a
+    robot of example-robot-data ('example-robot-data/ur5_robot.urdf')."""
     path = Path(source)
     for candidate in (path, PACKAGED / path.name, CHECKOUT / path.name):
         if candidate.is_dir():
             return candidate
     if path.is_file():
         return path
+    if robots.is_robot(path):
+        return robots.find_robot(path)
     raise InputError(
         "There is no mechanism of this name.",
-        "Give a folder with a URDF and a mechanism.yaml, a file of links and joints, or one that pkmsea ships: "
-        f"{', '.join(shipped())}.",
+        "Give a folder with a URDF and a mechanism.yaml, a file of links and joints, a robot of example-robot-data "
+        f"('{robots.PACKAGE}/ur5_robot.urdf'), or one that pkmsea ships: {', '.join(shipped())}.",
         file=source,
     )
 

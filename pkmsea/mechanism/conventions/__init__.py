@@ -18,7 +18,7 @@ from typing import Any
 
 from pkmsea.errors import InputError, MechanismError
 from pkmsea.files import parse, read_yaml
-from pkmsea.mechanism import xml
+from pkmsea.mechanism import robots, xml
 from pkmsea.mechanism.conventions import gepetto, mimic, mjcf, onshape, transmission, urdfplus, xacro
 from pkmsea.mechanism.sidecar import Draft
 
@@ -80,7 +80,7 @@ def read_source(path: Path) -> Source:
         theirs.pop("independent", None)  # the tree counts with its own loops
     if "actuated" in theirs:
         theirs["actuated"] = tuple(name for name in theirs["actuated"] if name not in said.locked)
-    merged = theirs | ours | {"frames": from_tree.frames | said.frames, "urdf": tree.name}
+    merged = theirs | ours | {"frames": from_tree.frames | said.frames, "urdf": said.urdf or tree.name}
     draft = Draft.model_construct(**merged)
     return Source(folder, tree, root, sidecar, draft, frozenset(ours), tuple(labels + found))
 
@@ -116,11 +116,14 @@ def _trees(folder: Path) -> list[Path]:
 
 def _find_tree(folder: Path, named: str | None, sidecar: Path | None) -> Path:
     """The tree that the sidecar names, else the only one of the folder."""
+    if named is not None and robots.is_robot(named) and not (folder / robots.PACKAGE).exists():
+        return robots.find_robot(named, file=sidecar, key="urdf")
     if named is not None:
         tree = folder / named
         if "\0" in named or not tree.resolve().is_relative_to(folder.resolve()) or not tree.is_file():
             raise MechanismError(
-                "The file that 'urdf' names is not in the mechanism's folder.", "Put it there or correct the name.",
+                "The file that 'urdf' names is not in the mechanism's folder.",
+                f"Put it there, correct the name, or name a robot as '{robots.PACKAGE}/ur5_robot.urdf'.",
                 file=sidecar, key="urdf", value=named,
             )  # fmt: skip
         return tree
