@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pkmsea.study import calibrate
     from pkmsea.task import Task, load_task
     from pkmsea.transcription import Transcription, transcribe
+    from pkmsea.verification import Verification, verify
 
 _WHERE = {
     "Actuation": "actuation", "Drive": "actuation", "flat_map": "actuation",
@@ -27,12 +28,13 @@ _WHERE = {
     "calibrate": "study",
     "Task": "task", "load_task": "task",
     "Transcription": "transcription", "transcribe": "transcription",
+    "Verification": "verification", "verify": "verification",
 }  # fmt: skip
 
 __all__ = [
     "Actuation", "Audit", "Drive", "Mechanism", "PkmseaError", "Problem", "Solution", "Task", "Transcription",
-    "build_problem", "calibrate", "flat_map", "load_mechanism", "load_solution", "load_task", "solve", "solve_all",
-    "transcribe",
+    "Verification", "build_problem", "calibrate", "flat_map", "load_mechanism", "load_solution", "load_task", "solve",
+    "solve_all", "transcribe", "verify",
 ]  # fmt: skip
 
 

@@ -171,6 +171,34 @@ def reproduce(
 
 
 @app.command()
+def verify(
+    result: Annotated[list[Path], typer.Argument(help="Result files (.nc).")],
+    json_: Json = False,
+) -> None:
+    """Check results by an independent forward simulation, driven by their own motor torques."""
+    from pkmsea.errors import SolveError
+    from pkmsea.verification import Verification
+    from pkmsea.verification import verify as verification_of
+    from pkmsea.views import tables
+
+    found: dict[str, Verification] = {}
+    failures: list[SolveError] = []
+    for file in result:
+        try:
+            found[str(file)] = verification_of(file)
+        except SolveError as error:
+            failures.append(error)
+    if json_:
+        _emit([tables.verification_record(name, v) for name, v in found.items()])
+    elif found:
+        tables.print_verifications(found)
+    for failure in failures:
+        _print_error(failure)
+    if failures or not all(v.verified for v in found.values()):
+        raise typer.Exit(1)
+
+
+@app.command()
 def plot(
     result: Annotated[list[Path], typer.Argument(help="Result files (.nc); several are drawn into one figure.")],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Figure file: .png, .pdf or .svg.")] = None,

@@ -7,7 +7,7 @@ import pkmsea
 
 ORDER = (
     "errors", "files", "bridge", "mechanism", "actuation", "task", "problem", "transcription", "solver", "solution",
-    "study", "paper", "new", "views", "cli",
+    "verification", "study", "paper", "new", "views", "cli",
 )  # fmt: skip
 ROOT = Path(pkmsea.__file__).parent
 FREE = {"__init__", "__main__"}  # the package's front doors

@@ -43,13 +43,13 @@ def turnover(variant: Variant) -> np.ndarray:
     drives = [Drive.model_validate(DRIVES[joint]) for joint in variant.drives]
     actuation = Actuation(mechanism, tuple(drives))
     function, kappa = flat_map(actuation.shape), actuation.numbers("copper_loss")
-    r = np.concatenate([actuation.numbers("inertia"), actuation.numbers("friction")])
+    r, none = actuation.stage_numbers(np.zeros(1))[0, :-1], np.zeros(len(drives))
     c = [drive.stiffness_range[0] if drive.elastic else 1.0 for drive in drives]
     w, total = 2 * np.pi, np.zeros(3)
     for t in np.arange(INSTANTS) / INSTANTS:
         phases = w * t + np.arange(5) * np.pi / 2  # each derivative of a cosine is a quarter turn ahead
         Y = np.array([0.06 * np.cos(phases), 0.05 * np.cos(phases + 0.7)]) * w ** np.arange(5)
-        out = function(mechanism.configuration(Y[:, 0]), Y, np.zeros((0, 3)), c, r)
+        out = function(mechanism.configuration(Y[:, 0]), Y, np.zeros((0, 3)), c, none, none, np.zeros((1, 3)), r)
         v_M, tau = (np.array(out[i]).ravel() for i in (1, 2))
         by_joint = {joint: tau[i] ** 2 for i, joint in enumerate(variant.drives)}
         power = float(tau @ v_M + kappa @ tau**2)

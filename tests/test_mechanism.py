@@ -72,7 +72,7 @@ def test_configuration_keeps_the_assembly_mode(mechanisms: dict[str, Mechanism])
 
 
 def test_unreachable_point_says_how_far_it_gets(mechanisms: dict[str, Mechanism]) -> None:
-    with pytest.raises(Unreachable, match=r"cannot reach the point \[0\.5, 0\.5\] m.*gets as far as \[0\.12"):
+    with pytest.raises(Unreachable, match=r"cannot reach the point \[0\.5, 0\.5\] on.*gets as far as \[0\.12"):
         mechanisms["pkm_2rrr"].configuration([0.5, 0.5])
     with pytest.raises(InputError, match="2 finite coordinates"):
         mechanisms["pkm_2rrr"].configuration([0.1, float("nan")])

@@ -155,3 +155,22 @@ def test_payload_and_parallel_springs_solve() -> None:
     assert rigid.verified and parallel.verified, (rigid.status, parallel.status)
     assert parallel.energy < 0.5 * rigid.energy
     assert np.all(np.isfinite(parallel.motion.parallel))
+
+
+def test_damped_springs(elastic: Solution) -> None:
+    """Little damping costs little; more costs more; the power balance, dampers included, closes."""
+    energies = []
+    for damping in (1e-6, 2e-3):
+        drives = ELASTIC | {"friction": 4.79e-3, "damping": damping}
+        solution = solve(task("pkm_2rrr", drives, options={"starts": 2}), workers=1)
+        assert solution.verified, solution.status
+        assert solution.audit().balance < BALANCE
+        energies.append(solution.energy)
+    assert energies[0] == pytest.approx(elastic.energy, rel=1e-3)
+    assert energies[1] > elastic.energy
+
+
+def test_the_papers_transcription_refuses_what_it_does_not_know() -> None:
+    options = {"transcription": "paper", "trajectory": {"kind": "chain"}}
+    with pytest.raises(InputError, match=r"damping: .*paper's transcription has no damping.*flat"):
+        solve(task("pkm_2rrr", ELASTIC | {"damping": 1e-3}, options=options))

@@ -53,6 +53,7 @@ def test_difference_weights_are_exact_for_polynomials(order: int) -> None:
         ("pkm_3rrr", [RIGID, ELASTIC, ELASTIC]),
         ("pkm_2rrr", [ELASTIC | FRICTION | PARALLEL | {"cubic": 0.5} | LIMITED, RIGID | FRICTION | PARALLEL]),
         ("pkm_3rrr", [ELASTIC | FRICTION | {"cubic": 0.5}, RIGID | FRICTION, ELASTIC | PARALLEL]),
+        ("pkm_3rrr", [ELASTIC | FRICTION | {"damping": 5e-3}, ELASTIC | {"damping": 2e-3}, ELASTIC | {"damping": 0.1}]),
     ],
 )
 def test_exact_derivatives(basis: Basis, mechanism: str, drives: object) -> None:
@@ -120,7 +121,7 @@ def test_observed_order_of_the_motor_coordinates() -> None:
 
 
 def test_observed_order_of_the_optimal_energy() -> None:
-    """The least energy converges with order 3 in the knots, as smooth as the optimum is; more than 2 must be seen."""
+    """The least energy converges with order 2, that of the windows' margin; more than 1.7 must be seen."""
     problem = build_problem(paper_task(3, {"copper_loss": 63.2, "friction": 4.8e-3}), "PKM SEA")
     energies = []
     for knots in (25, 50, 100, 200):
@@ -128,8 +129,8 @@ def test_observed_order_of_the_optimal_energy() -> None:
         point = solve_nlp(transcription.nlp(transcription.start(None), limited=False), problem.options)
         energies.append(transcription.energy(point.x))
     errors = np.array(energies[:-1]) - energies[-1]
-    assert np.all(np.log2(errors[:-1] / errors[1:]) > 2.0)
-    assert errors[1] < 1e-3 * energies[-1]  # the default size
+    assert np.all(np.log2(errors[:-1] / errors[1:]) > 1.7)
+    assert errors[1] < 3e-3 * energies[-1]  # the default size
 
 
 def test_random_starts_are_reproducible_and_differ() -> None:

@@ -23,7 +23,8 @@ class Shape:
     """What a robot's Functions are built for; all its numbers are inputs of theirs, so that robots can share them.
 
     `elastic` are the series elastic drives, `free` those whose coordinate belongs to the flat output, `cubic` those
-    whose spring hardens, `parallel` those with a spring beside them; `payload`: whether the end effector carries one.
+    whose spring hardens, `damped` those whose spring has losses, `parallel` those with a spring beside them; `payload`:
+    whether the end effector carries one.
     """
 
     mechanism: Mechanism
@@ -32,6 +33,7 @@ class Shape:
     cubic: tuple[int, ...] = ()
     parallel: tuple[int, ...] = ()
     payload: bool = False
+    damped: tuple[int, ...] = ()
 
     @property
     def m(self) -> int:
@@ -80,7 +82,8 @@ class Actuation:
 
     The flat output is y = (r_E, z). The load equation in task space, N_A^T u = N^T rnea(q, v, a) with v = N dr_E/dt
     and N_A its rows at the drives, fixes the forces u of delta `dependent` drives. Each of the m - delta `free` drives
-    adds one entry to z: its motor position q_M if it is elastic, its torque tau if it is rigid.
+    adds one entry to z: its motor position q_M if it is elastic, its force u if its spring is damped, its torque tau if
+    it is rigid.
 
     `poses` (n,) each, are where the robot works; by default the mechanism's seed. `payload` gives the mass at the end
     effector [kg] and its derivatives: (times, order) -> (len(times),).
@@ -140,7 +143,15 @@ class Actuation:
         """This robot without its numbers."""
         cubic = tuple(i for i, drive in enumerate(self.drives) if drive.cubic)
         parallel = tuple(i for i, drive in enumerate(self.drives) if drive.parallel)
-        return Shape(self.mechanism, tuple(self.elastic), tuple(self.free), cubic, parallel, self.payload is not None)
+        payload = self.payload is not None
+        return Shape(
+            self.mechanism, tuple(self.elastic), tuple(self.free), cubic, parallel, payload, tuple(self.damped)
+        )
+
+    @cached_property
+    def damped(self) -> list[int]:
+        """The elastic drives whose spring has losses."""
+        return [i for i, drive in enumerate(self.drives) if drive.damping]
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -172,7 +183,8 @@ class Actuation:
     def flat_outputs(self) -> list[str]:
         """Names of the flat output's entries."""
         axes = [f"{axis}_E" for axis in self.mechanism.sidecar.end_effector.coordinates]
-        return axes + [("q_M " if self.drives[i].elastic else "tau ") + self.labels[i] for i in self.free]
+        kinds = ["u" if i in self.damped else "q_M" if i in self.elastic else "tau" for i in range(self.m)]
+        return axes + [f"{kinds[i]} {self.labels[i]}" for i in self.free]
 
     def relative_degree(self) -> tuple[int, ...]:
         """Vector relative degree of the flat output, found by Lie derivatives (Isidori, 1995).

@@ -48,7 +48,7 @@ class Drive(Record):
 
     rigid:          tau = M_M dv_A/dt + d_v v_A + F(v_A) + u             power  tau v_A  + kappa tau^2
     series elastic: tau = M_M dv_M/dt + d_v v_M + F(v_M) + u,
-                      u = c (q_M - q_A) + c_3 (q_M - q_A)^3              power  tau v_M  + kappa tau^2
+                      u = c e + c_3 e^3 + d_s de/dt, e = q_M - q_A       power  tau v_M  + kappa tau^2
 
     F(v) = F_C tanh(v / w) is Coulomb friction, smoothed over the speed w. A spring in parallel adds to u at the joint.
     """
@@ -61,6 +61,7 @@ class Drive(Record):
     copper_loss: Positive = Field(description="kappa = R / k_m^2 [W/(N m)^2, W/N^2]")
     stiffness: Positive | Bounds | None = Field(None, description="fixed, or {bounds: [low, high]} to optimise it")
     cubic: NotNegative = Field(0.0, description="cubic stiffness c_3 of a hardening spring [N m/rad^3, N/m^3]")
+    damping: NotNegative = Field(0.0, description="damping d_s of the spring [N m s/rad, N s/m]")
     parallel: ParallelSpring | None = Field(None, description="a spring in parallel to the drive (PEA)")
     torque: Positive | None = Field(None, description="largest motor torque [N m, N]")
     speed: Positive | None = Field(None, description="largest motor speed [rad/s, m/s]")
@@ -73,8 +74,10 @@ class Drive(Record):
     def _stiffness_fits_kind(self) -> Drive:
         if self.kind == "sea" and self.stiffness is None:
             raise ValueError("a series elastic drive needs a stiffness: a number, or {bounds: [low, high]}")
-        if self.kind == "rigid" and (self.stiffness is not None or self.cubic):
-            raise ValueError("a rigid drive has no stiffness; remove it or set kind: sea")
+        if self.kind == "rigid" and (self.stiffness is not None or self.cubic or self.damping):
+            raise ValueError("a rigid drive has no spring; remove stiffness, cubic and damping, or set kind: sea")
+        if self.cubic and self.damping:
+            raise ValueError("a spring with both cubic and damping is not modelled; remove one of them")
         return self
 
     @property

@@ -32,8 +32,8 @@ class StageFunctions:
     """Functions of one instant. Sizes: n joints, m drives, k = m - delta; xi has 4n + k entries.
 
     r, (5m + 1,), is `Actuation.stage_numbers` at the instant. The outputs s are (q_M, u) of an elastic drive,
-    (tau, v_A) of a rigid one, drive by drive; then q, v, a of all joints. s_D are those that are differentiated: all of
-    the drives, and the `limited` ones of the joints.
+    (q_A, u) of a damped one, (tau, v_A) of a rigid one, drive by drive; then q, v, a of all joints. s_D are those that
+    are differentiated: all of the drives, and the `limited` ones of the joints.
 
     Attributes
     ----------
@@ -182,14 +182,18 @@ class _DriveAt:
 
     def force(self, z: ca.SX) -> ca.SX:
         """u of a free drive whose coordinate is z."""
+        if self.index in self.shape.damped:
+            return z
         if self.index in self.shape.elastic:
             return spring_force(self.shape, self.index, self.c, self.numbers["cubic"], z - self.q)
         return z - self.losses
 
     def outputs(self, u: ca.SX, z: ca.SX | None) -> tuple[ca.SX, ca.SX]:
-        """(q_M, u) of an elastic drive, (tau, v_A) of a rigid one; z is None for a dependent drive."""
+        """(q_M, u) of an elastic drive, (q_A, u) of a damped one, (tau, v_A) of a rigid one; z is None if dependent."""
         if self.index not in self.shape.elastic:
             return u + self.losses, self.v
+        if self.index in self.shape.damped:
+            return self.q, u
         if z is not None:
             return z, u
         return self.q + spring_deflection(self.shape, self.index, self.c, self.numbers["cubic"], u), u

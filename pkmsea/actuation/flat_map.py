@@ -21,6 +21,9 @@ def flat_map(shape: Shape) -> ca.Function:
     of all drives.
     Outputs: q_M, v_M (m,), joint position and velocity for a rigid drive; tau (m,); u (m,); v, a (n,).
 
+    The deflection of a damped spring depends on the past of its force: its q_M, v_M and tau are here those without the
+    damping, and `pkmsea.solution.audit` puts it in.
+
     The load equation gives q_M = f_M(y, y', y''); its two time derivatives and tau = f_tau(y, ..., y'''') follow by
     directional derivatives along the jet (paper, section 4.2).
     """
@@ -47,7 +50,9 @@ def flat_map(shape: Shape) -> ca.Function:
     for i in shape.parallel:
         load[at[i]] -= k_P[i] * (rest[i] - q[at[i]])
     u_free = [
-        spring_force(shape, i, c[i], cubic[i], Z[j, 0] - q[at[i]])
+        Z[j, 0]
+        if i in shape.damped
+        else spring_force(shape, i, c[i], cubic[i], Z[j, 0] - q[at[i]])
         if i in shape.elastic
         else Z[j, 0] - inertia[i] * a[at[i]] - friction[i] * v[at[i]] - coulomb(F_C[i], width[i], v[at[i]])
         for j, i in enumerate(shape.free)
@@ -62,7 +67,7 @@ def flat_map(shape: Shape) -> ca.Function:
         [q[at[i]] + (spring_deflection(shape, i, c[i], cubic[i], u[i]) if i in shape.elastic else 0) for i in range(m)]
     )
     for j, i in enumerate(shape.free):
-        if i in shape.elastic:
+        if i in shape.elastic and i not in shape.damped:
             q_M[i] = Z[j, 0]
     v_M = rate(q_M)
     a_M = rate(v_M)

@@ -15,6 +15,7 @@ from pkmsea.problem import Bound, Problem
 from pkmsea.transcription import Motion
 from pkmsea.transcription.batch import Batch, poses_along
 from pkmsea.transcription.compiled import kernels
+from pkmsea.transcription.damping import derivative, frequencies
 
 POINTS = 4000  # at least, per period; many more than any transcription's grid
 PER_MODE = 40  # and at least so many per highest harmonic of the basis
@@ -39,7 +40,7 @@ class Audit:
     closure : largest closure residual [m].
     window : largest excess over a rest window at any instant [m]; zero or negative if kept.
     limits : relative excess per limited quantity, e.g. {"tau A": -0.4}; negative if kept.
-    balance : |integral of tau v_M less friction's and the payload's power|, relative likewise; zero if periodic.
+    balance : |integral of tau v_M less the power of friction, dampers, payload|, relative likewise; zero if periodic.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
     faults : what keeps the result from being verified, one sentence each.
     """
@@ -100,6 +101,8 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     c = np.nan_to_num(motion.stiffness, nan=1.0)
     exact = _batch(flat_map_of_columns(actuation.shape), count)
     q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, r))
+    for i in actuation.damped:
+        q_M[:, i], v_M[:, i], tau[:, i] = _damped(actuation, i, basis.period, motion.stiffness[i], q, v, a, u[:, i])
     power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
@@ -112,6 +115,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     turnover = float(np.abs(s.u * s.v[:, problem.actuation.mechanism.actuated]).sum() * mean)
     scale = max(energy, IDLE * turnover, 1e-12)
     lost = (_friction(problem.actuation, s.v_M) * s.v_M).sum() + _payload_power(problem.actuation, s).sum()
+    lost += _spring_losses(problem.actuation, s).sum()
     balance = abs(float(((s.tau * s.v_M).sum() - lost) * mean)) / scale
     gap = abs(claimed - energy) / scale
     mechanism = problem.actuation.mechanism
@@ -135,6 +139,25 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
         energy, claimed, scale, gap, closure, window, limits, balance, float(inverse.min()), float(direct.min()), faults
     )
     return result, s
+
+
+def _damped(
+    actuation: Actuation, i: int, period: float, c: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, u: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q_M, v_M and tau of a drive whose spring is damped: c e + d_s de/dt = u over one period, by Fourier transform."""
+    drive, joint, count = actuation.drives[i], actuation.mechanism.actuated[i], u.size
+    gain = 1.0 / (c + 1j * frequencies(period, count) * drive.damping)
+    e = np.fft.irfft(gain * np.fft.rfft(u), count)[:, None]
+    e_1, e_2 = (derivative(e, period, order)[:, 0] for order in (1, 2))
+    v_M, a_M = v[:, joint] + e_1, a[:, joint] + e_2
+    tau = drive.inertia * a_M + u + drive.friction * v_M + drive.coulomb * np.tanh(v_M / drive.coulomb_width)
+    return q[:, joint] + e[:, 0], v_M, tau
+
+
+def _spring_losses(actuation: Actuation, s: Series) -> np.ndarray:
+    """Power lost in the springs, (points,)."""
+    rate = s.v_M - s.v[:, actuation.mechanism.actuated]
+    return np.asarray((actuation.numbers("damping") * rate**2).sum(axis=1))
 
 
 def _friction(actuation: Actuation, v_M: np.ndarray) -> np.ndarray:

@@ -28,7 +28,8 @@ from pkmsea.transcription import Motion
 from pkmsea.transcription.bases import FourierBasis, SplineBasis, make_basis
 
 FORMAT = "pkmsea result 1"
-POINTS = 1000  # of the stored series, per period
+POINTS = 1000  # of the stored series, per period, at least
+PER_COEFFICIENT = 20  # and at least so many per coefficient of the basis: a torque can be interpolated between them
 PACKAGES = ("pkmsea", "casadi", "pin", "numpy")
 
 
@@ -36,7 +37,7 @@ def to_dataset(solution: Solution) -> xr.Dataset:
     """The labelled time series of a solution, with its record as attributes."""
     problem, audit = solution.problem, solution.audit()
     actuation, mechanism = problem.actuation, problem.actuation.mechanism
-    s = series(problem, solution.motion, POINTS)
+    s = series(problem, solution.motion, max(POINTS, PER_COEFFICIENT * solution.motion.basis.size))
     revolute = mechanism.revolute
     force = ["N m" if revolute[i] else "N" for i in mechanism.actuated]
     angle = ["rad" if turning else "m" for turning in revolute]

@@ -1,5 +1,6 @@
 """Making a problem finite: bases, the flat transcription with its exact derivatives, and the paper's own."""
 
+from pkmsea.errors import InputError
 from pkmsea.problem import Problem
 from pkmsea.task import Chain
 from pkmsea.transcription.base import Transcription
@@ -12,6 +13,7 @@ def transcribe(problem: Problem) -> Transcription:
     """The transcription that the problem's options name; nothing is solved yet."""
     options = problem.options
     if options.transcription == "paper":
+        _refuse_extras(problem)
         from pkmsea.transcription.paper import PaperTranscription
 
         return PaperTranscription(problem)
@@ -19,3 +21,15 @@ def transcribe(problem: Problem) -> Transcription:
 
     assert not isinstance(options.trajectory, Chain)  # the task file's check
     return FlatTranscription(problem, options.trajectory, options.samples)
+
+
+def _refuse_extras(problem: Problem) -> None:
+    """The paper's transcription knows neither parallel springs nor damped ones, and no payload."""
+    shape = problem.actuation.shape
+    present = {"parallel": shape.parallel, "damping": shape.damped, "payload": shape.payload}
+    for key, found in present.items():
+        if found:
+            raise InputError(
+                f"The paper's transcription has no {key}.", "Use options.transcription: flat.",
+                file=problem.task.file, key=key,
+            )  # fmt: skip

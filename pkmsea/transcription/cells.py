@@ -36,9 +36,9 @@ class Cells:
         return self.samples[:, self.halo : self.samples.shape[1] - self.halo]
 
 
-def make_cells(basis: Basis, samples: int, halo: int) -> Cells:
-    """Cut a uniform periodic grid of `samples` points into cells."""
-    count = _cell_count(basis, samples, halo)
+def make_cells(basis: Basis, samples: int, halo: int, whole: bool = False) -> Cells:
+    """Cut a uniform periodic grid of `samples` points into cells; into one if it is to stay `whole`."""
+    count = 1 if whole else _cell_count(basis, samples, halo)
     r = samples // count
     grid = (np.arange(count)[:, None] * r + np.arange(-halo, r + halo)) % samples
     t = grid[0] * basis.period / samples

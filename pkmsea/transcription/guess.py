@@ -78,7 +78,9 @@ def _shared_load(problem: Problem, robot: RobotOnGrid, x: np.ndarray) -> np.ndar
     z = np.empty((q.shape[0], len(actuation.free)))
     for j, i in enumerate(actuation.free):
         joint, drive = actuation.mechanism.actuated[i], actuation.drives[i]
-        if drive.elastic:
+        if i in actuation.damped:
+            z[:, j] = share[:, i]
+        elif drive.elastic:
             z[:, j] = q[:, joint] + share[:, i] / stiffness[i]
         else:
             z[:, j] = share[:, i] + drive.inertia * a[:, joint] + drive.friction * v[:, joint]

@@ -20,6 +20,7 @@ from pkmsea.transcription.bases import Basis, derivative_weights
 from pkmsea.transcription.batch import Batch, close_poses, poses_along
 from pkmsea.transcription.cells import make_cells
 from pkmsea.transcription.compiled import kernels
+from pkmsea.transcription.damping import DampedSprings
 
 HALF_WIDTH = 4  # of the difference stencils: order 8
 BISECTIONS = 6  # of the way from the last trajectory to a new one, where Newton does not reach it at once
@@ -34,6 +35,7 @@ class State:
     xi: np.ndarray
     w: np.ndarray
     signals: np.ndarray
+    outputs: np.ndarray
     slope: np.ndarray | None = None
 
 
@@ -51,7 +53,8 @@ class RobotOnGrid:
         self.outputs = self.m  # entries of the flat output: delta + (m - delta)
         self.size = self.outputs * basis.size + len(actuation.parameters)
         self.t = np.arange(samples) * basis.period / samples
-        self.cells = make_cells(basis, samples, HALF_WIDTH)
+        self.cells = make_cells(basis, samples, HALF_WIDTH, whole=bool(actuation.damped))  # deflections have a memory
+        self.springs = DampedSprings(actuation, basis.period, samples)
         self.r = actuation.stage_numbers(self.t)
         self.inertia, self.friction, self.coulomb, self.width = (actuation.numbers(key) for key in NUMBERS[:4])
         self.differentiated = [*range(2 * self.m), *limited]
@@ -108,7 +111,7 @@ class RobotOnGrid:
         if not np.all(np.isfinite(xi)):
             raise FloatingPointError("the trajectory touches a singularity")
         self._last = x.copy(), q
-        return State(x.copy(), q, xi.copy(), w, self._time(s))
+        return State(x.copy(), q, xi.copy(), w, self._time(s, self.split(x)[1]), s.copy())
 
     def differentiate(self, state: State) -> np.ndarray:
         """ds/dx of the differentiated signals at each cell's own samples, (cells, r, signals, local variables)."""
@@ -119,12 +122,22 @@ class RobotOnGrid:
 
     def curvature(self, state: State, weights: np.ndarray) -> np.ndarray:
         """Hessian of sum(weights * differentiated signals) per cell, (cells, local, local)."""
-        W = self._curvature(state.xi, state.w, self.r, self._time_transposed(state, weights))[0]
+        mu = self._time_transposed(state, weights)
+        W = self._curvature(state.xi, state.w, self.r, mu)[0]
         own = self._expand[self.cells.halo : self._expand.shape[0] - self.cells.halo]
         right = W[self.cells.own] @ own
         left = own.reshape(-1, own.shape[-1])
         result: np.ndarray = left.T @ right.reshape(right.shape[0], -1, right.shape[-1])
+        for i in self.actuation.damped:
+            S_u = self._slope(state.xi, state.w, self.r)[0][:, 2 * i + 1]
+            u_x = np.einsum("kw,kwl->kl", S_u, own)
+            u = state.outputs[:, 2 * i + 1]
+            result[0] += self.springs.curvature(i, self.split(state.x)[1], u, u_x, mu[:, 2 * i], self._column(i))
         return result
+
+    def _column(self, i: int) -> int:
+        """Local index of the variable ln c of an elastic drive."""
+        return self.local.shape[1] - len(self.actuation.parameters) + self.actuation.elastic.index(i)
 
     def drive_jacobian(self, q: np.ndarray) -> np.ndarray:
         """N_A at all samples, (samples, m, delta): v_A = N_A dr_E/dt."""
@@ -152,11 +165,13 @@ class RobotOnGrid:
             step = min(2 * step, 1.0 - done)
         raise FloatingPointError("the trajectory leaves the workspace")
 
-    def _time(self, s: np.ndarray) -> np.ndarray:
+    def _time(self, s: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Signals from stage outputs: tau = M_M q_M'' + d_v q_M' + F(q_M') + u and v_M = q_M' of the elastic drives."""
         result = s.copy()
         for i in self.actuation.elastic:
             q_M, u = s[:, 2 * i], s[:, 2 * i + 1]
+            if i in self.actuation.damped:
+                q_M = q_M + self.springs.deflection(i, p, u)
             rate = self._d1 @ q_M
             result[:, 2 * i] = self.inertia[i] * (self._d2 @ q_M) + self.friction[i] * rate + u
             result[:, 2 * i] += self.coulomb[i] * np.tanh(rate / self.width[i])
@@ -183,6 +198,8 @@ class RobotOnGrid:
             on_rate = self._drag(i, state) * on_tau + on_speed
             result[:, 2 * i] = self.inertia[i] * (self._d2.T @ on_tau) + self._d1.T @ on_rate
             result[:, 2 * i + 1] = on_tau
+            if i in self.actuation.damped:
+                result[:, 2 * i + 1] += self.springs.adjoint(i, self.split(state.x)[1], result[:, 2 * i])
         return result
 
     def _time_local(self, state: State, spread: np.ndarray) -> np.ndarray:
@@ -191,6 +208,9 @@ class RobotOnGrid:
         result = spread[:, h : width - h].copy()
         for i in self.actuation.elastic:
             q_M, u = spread[:, :, 2 * i], spread[:, h : width - h, 2 * i + 1]
+            if i in self.actuation.damped:
+                own = self.springs.slope(i, self.split(state.x)[1], state.outputs[:, 2 * i + 1], u[0], self._column(i))
+                q_M = q_M + own[self.cells.samples]
             rate, drag = self._local_d1 @ q_M, self._drag(i, state)[self.cells.own]
             result[:, :, 2 * i] = self.inertia[i] * (self._local_d2 @ q_M) + drag[..., None] * rate + u
             result[:, :, 2 * i + 1] = rate

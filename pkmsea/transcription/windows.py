@@ -11,7 +11,7 @@ from pkmsea.problem import Problem
 from pkmsea.task import Window
 from pkmsea.transcription.bases import Basis
 
-CURVATURE = 8.0  # of a path within a window, by trial: it leaves a sampled window by this times (spacing / length)^2
+CURVATURE = 6.0  # of a path within a window, by trial: it leaves a sampled window by this times (spacing / length)^2
 LIMIT_MARGIN = 1e-3  # of a limit, left for what happens between two samples
 PER_GRID_STEP = 2  # window samples per step of the grid
 FEWEST = 9
@@ -34,6 +34,11 @@ def window_times(window: Window, step: float) -> np.ndarray:
     return np.linspace(window.start, window.end, max(FEWEST, int(np.ceil(PER_GRID_STEP * length / step)) + 1))
 
 
+def sampled_deviation(window: Window, samples: int) -> float:
+    """The deviation to ask for at equally spaced samples, so that the window's own is kept between them [m]."""
+    return window.deviation * (1 - CURVATURE / max(samples - 1, FEWEST - 1) ** 2)
+
+
 def narrowed(lower: float, upper: float) -> tuple[float, float]:
     """A limit with LIMIT_MARGIN of its larger side taken off both ends."""
     margin = LIMIT_MARGIN * max(abs(x) for x in (lower, upper) if np.isfinite(x))
@@ -54,7 +59,7 @@ def linear_rows(problem: Problem, basis: Basis, samples: int, size: int) -> Line
 
     for window in problem.cycle.windows:
         times = window_times(window, step)
-        deviation = window.deviation * (1 - CURVATURE / max(times.size - 1, FEWEST - 1) ** 2)
+        deviation = sampled_deviation(window, times.size)
         at = basis.matrix(times)
         add(window.axis, at, window.at - deviation, window.at + deviation)
     grid = np.arange(samples) * step

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from pkmsea.mechanism.workspace import reach, size
 from pkmsea.paper import Row
 from pkmsea.solution import Solution
 from pkmsea.solver import Start
+from pkmsea.verification import Verification
 
 PIPED_WIDTH = 160  # columns where there is no terminal
 
@@ -99,6 +102,32 @@ def print_solutions(solutions: Sequence[Solution], reference: float | None) -> N
             optima, f"{s.seconds:.1f}", s.status,
         )  # fmt: skip
     console().print(table)
+
+
+def verification_record(name: str, found: Verification) -> dict[str, Any]:
+    """One verification as plain data."""
+    return {"result": name, "status": found.status, "verified": found.verified, **asdict(found)}
+
+
+def print_verifications(found: dict[str, Verification]) -> None:
+    """Results side by side, and under the table what speaks against them."""
+    table = Table(title="forward simulation", box=box.SIMPLE_HEAD)
+    for heading in (
+        "result", "E [J]", "E simulated [J]", "gap", "end effector [m]", "motors [rad, m]", "loops [m]", "balance",
+        "feedback", "singularity", "status",
+    ):  # fmt: skip
+        table.add_column(heading, justify="left" if heading in ("result", "status") else "right")
+    for name, v in found.items():
+        table.add_row(
+            _short_path(name), f"{v.energy:.5g}", f"{v.simulated:.5g}", f"{v.gap:.0e}", f"{v.end_effector:.0e}",
+            f"{v.motors:.0e}", f"{v.closure:.0e}", f"{v.balance:.0e}", f"{v.feedback:.0e}",
+            f"{min(v.inverse, v.direct):.3f}", "verified" if v.verified else "not verified",
+        )  # fmt: skip
+    out = console()
+    out.print(table)
+    for name, v in found.items():
+        if not v.verified:
+            out.print(f"{name}: {v.status}", markup=False)
 
 
 def print_rows(rows: Sequence[Row]) -> None:
@@ -188,6 +217,11 @@ def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
         if value:
             table.add_row(key, value)
     console().print(table)
+
+
+def _short_path(name: str) -> str:
+    """The last folder and the file."""
+    return "/".join(Path(name).parts[-2:])
 
 
 def _springs(stiffness: Any) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from pkmsea.problem import Problem
 from pkmsea.solution.audit import Series, series
 from pkmsea.transcription import Motion
-from pkmsea.transcription.windows import MARGIN
+from pkmsea.transcription.windows import sampled_deviation
 
 
 def sampled(problem: Problem, motion: Motion, t: np.ndarray, names: tuple[str, ...]) -> list[np.ndarray]:
@@ -30,12 +30,13 @@ def aligned(problem: Problem, wanted: float) -> int:
 def window_box(problem: Problem, t: np.ndarray) -> np.ndarray:
     """Bounds of r_E at nodes t, (2, K, delta); infinite outside the rest windows, whose edges belong to them.
 
-    The windows are as much narrower than asked as those of the schemes with splines (`linear_rows`): by MARGIN.
+    The windows are as much narrower than asked as those of the schemes with splines (`linear_rows`).
     """
     period = problem.cycle.period
     box = np.stack([np.full((t.size, len(problem.span)), side) for side in (-np.inf, np.inf)])
     for w in problem.cycle.windows:
         away = (t - (w.start + w.end) / 2 + period / 2) % period - period / 2
         inside = np.abs(away) <= (w.end - w.start) / 2 + 1e-9
-        box[:, inside, w.axis] = w.at + (1 - MARGIN) * w.deviation * np.array([[-1], [1]])
+        deviation = sampled_deviation(w, int(inside.sum()))
+        box[:, inside, w.axis] = w.at + deviation * np.array([[-1], [1]])
     return box

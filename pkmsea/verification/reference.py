@@ -1,0 +1,123 @@
+"""What a result says: the stored series of its file, on which a replay is driven and with which it is compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import BSpline, make_interp_spline
+
+from pkmsea.errors import InputError
+from pkmsea.problem import Problem
+from pkmsea.solution import Solution
+from pkmsea.solution.store import load, read_dataset, to_dataset
+from pkmsea.transcription import Motion
+from pkmsea.verification.drives import Drives
+
+DEGREE = 5  # of the periodic splines through the samples
+SERIES = ("r_E", "q", "v", "q_M", "v_M", "tau", "u", "power", "energy")
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The series of a result as its file holds them, K samples of one period; SI units.
+
+    Attributes
+    ----------
+    problem : robot and task.
+    motion : the stored flat output and stiffnesses.
+    t : (K,) uniform, from 0, without the period's end.
+    series : by name, (K, ...).
+    energy : per cycle, as the result prints it [J].
+    """
+
+    problem: Problem
+    motion: Motion
+    t: np.ndarray
+    series: dict[str, np.ndarray]
+    energy: float
+
+    @property
+    def period(self) -> float:
+        return self.problem.cycle.period
+
+    @cached_property
+    def drives(self) -> Drives:
+        """The drives with the stored stiffnesses."""
+        return Drives(self.problem.actuation, self.motion.stiffness, self.motion.parallel)
+
+    @cached_property
+    def states(self) -> np.ndarray:
+        """x = (q, v, q_M, v_M) at the samples; motors of elastic drives only (K, 2n + 2e)."""
+        elastic = self.problem.actuation.elastic
+        motors = self.series["q_M"][:, elastic], self.series["v_M"][:, elastic]
+        return np.hstack([self.series["q"], self.series["v"], *motors])
+
+    @cached_property
+    def drive(self) -> BSpline:
+        """(tau, q_M, v_M)(t), (3m,): periodic splines through the samples."""
+        return self._spline(1)
+
+    @cached_property
+    def resolution(self) -> float:
+        """Largest error, relative to the peak torque, at which every second sample predicts those in between.
+
+        The splines through all samples are at least DEGREE powers of two better where the torque is smooth.
+        """
+        tau = self.series["tau"]
+        between = self._spline(2)(self.t[1::2])[:, : tau.shape[1]]
+        return float(np.abs(between - tau[1::2]).max() / np.abs(tau).max())
+
+    @cached_property
+    def flat_series(self) -> np.ndarray:
+        """The stored series that are entries of the flat output: r_E, then q_M or tau of the free drives (K, m)."""
+        actuation = self.problem.actuation
+        z = [self.series["q_M" if actuation.drives[i].elastic else "tau"][:, i] for i in actuation.free]
+        return np.column_stack([self.series["r_E"], *z])
+
+    def _spline(self, stride: int) -> BSpline:
+        values = np.hstack([self.series[name] for name in ("tau", "q_M", "v_M")])[::stride]
+        closed = np.append(self.t[::stride], self.period), np.vstack([values, values[:1]])
+        return make_interp_spline(*closed, k=DEGREE, bc_type="periodic")
+
+
+def reference(source: Solution | str | Path) -> Reference:
+    """Of a result file, as it is stored; or of a solution, as it would be.
+
+    Raises
+    ------
+    InputError : the file is missing, damaged, or its series do not fit its task.
+    """
+    if isinstance(source, Solution):
+        return _of_dataset(to_dataset(source), source, None)
+    return _of_dataset(read_dataset(source), load(source), Path(source))
+
+
+def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> Reference:
+    problem = solution.problem
+    actuation = problem.actuation
+    n, m, axes = actuation.mechanism.model.nq, actuation.m, actuation.mechanism.mobility
+    widths = {"r_E": axes, "q": n, "v": n, "power": 0, "energy": 0}
+    try:
+        t = dataset["time"].values
+        series = {name: dataset[name].values for name in SERIES}
+        energy = float(dataset.attrs["energy_true"])
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error
+    uniform = np.arange(t.size) * problem.cycle.period / max(t.size, 1)
+    if t.size < 2 * DEGREE + 2 or t.size % 2 or not np.allclose(t, uniform, rtol=0, atol=1e-9 * problem.cycle.period):
+        raise InputError(
+            "The samples are not evenly spread over one period.", "Solve the task again.", file=file, key="time"
+        )
+    if not np.isfinite(energy):
+        raise InputError("This is not a finite number.", "Solve the task again.", file=file, key="energy_true")
+    for name, values in series.items():
+        width = widths.get(name, m)
+        if values.shape != ((t.size, width) if width else (t.size,)) or not np.all(np.isfinite(values)):
+            raise InputError(
+                "This series has missing or too many numbers.", "Solve the task again.", file=file, key=name
+            )
+    return Reference(problem, solution.motion, t, series, energy)

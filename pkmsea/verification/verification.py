@@ -1,0 +1,186 @@
+"""A result proved by an independent forward simulation: what is compared, and what it must keep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.integrate import simpson
+
+from pkmsea.problem import Bound
+from pkmsea.solution import Solution
+from pkmsea.solution.audit import IDLE
+from pkmsea.verification.dynamics import Robot
+from pkmsea.verification.observe import Observed, observe
+from pkmsea.verification.reference import Reference, reference
+from pkmsea.verification.replay import CYCLES, Trace, cycles, segments
+
+END_EFFECTOR = 5e-5  # of the path's extent; 10 micrometres are 7e-5 of that of the PKM's
+DEVIATION = 2e-4  # of a series' range: what a 1 mm shift, a 5 % softer spring or 2 % more torque exceed by far
+ENERGY = 1e-3  # relative; the audit's own gap may be five times as large
+CLOSURE = 1e-7  # [m, rad]
+BALANCE = 1e-5  # relative to the energy: what the simulation itself gains or loses
+PERIODICITY = 1e-4  # of the path's extent, per cycle
+FEEDBACK = 1e-3  # of the peak torque
+WINDOW_EXCESS = 1e-3  # of a window's half width
+LIMIT_EXCESS = 1e-4  # relative to a limit's size
+TINY = 1e-12  # keeps ratios finite where nothing moves
+RESOLUTION = 2e-2  # of the peak torque: error of every second sample's spline; that of all samples is 2^-DEGREE of it
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What the simulation says about a result; `faults` is empty for one that it confirms.
+
+    Attributes
+    ----------
+    energy : per cycle, as the result prints it [J].
+    simulated : per cycle, from torque and simulated motor speed, in segments [J].
+    in_cycles : the same in the last of the whole cycles, the feedback's torque included [J].
+    gap : the larger difference of these two to `energy`, relative to the energy, or to IDLE of the drives' turnover
+        where that is more.
+    end_effector, motors : largest deviation in a segment, [m] and [rad, m].
+    deviations : largest deviation of each stored series from the simulated one in a segment, relative to its range;
+        'flat_output' compares the stored coefficients with the stored series.
+    closure : largest closure residual of all replays [m, rad].
+    balance : |work of motors, friction and payload - change of mechanical energy| over the cycles, relative like `gap`.
+    periodicity : largest change of the end effector from cycle to cycle [m].
+    feedback, feedback_energy : largest torque of the feedback relative to the peak torque, and the energy that it
+        moves relative to the drives' turnover.
+    window : largest excess over a rest window in the cycles [m]; negative if kept.
+    limits : relative excess per limited quantity in the cycles; negative if kept.
+    inverse, direct : smallest distance to singularities of type 1 and 2, in [0, 1].
+    resolution : error, relative to the peak torque, at which every second torque sample predicts those in between.
+    faults : what speaks against the result, one sentence each.
+    """
+
+    energy: float
+    simulated: float
+    in_cycles: float
+    gap: float
+    end_effector: float
+    motors: float
+    deviations: dict[str, float]
+    closure: float
+    balance: float
+    periodicity: float
+    feedback: float
+    feedback_energy: float
+    window: float
+    limits: dict[str, float]
+    inverse: float
+    direct: float
+    resolution: float
+    faults: tuple[str, ...]
+
+    @property
+    def verified(self) -> bool:
+        return not self.faults
+
+    @property
+    def status(self) -> str:
+        """'verified', or why not."""
+        return "not verified: " + "; ".join(self.faults) if self.faults else "verified"
+
+
+@np.errstate(over="ignore", invalid="ignore")  # a wrong result may move without bounds; the checks say so
+def verify(source: Solution | str | Path) -> Verification:
+    """Simulate a solution, or a result file as it is stored, and compare; see `Verification`.
+
+    Raises
+    ------
+    InputError : the file is missing or damaged, or a rotor has no inertia.
+    SolveError : the simulation broke down.
+    """
+    said = reference(source)
+    robot = Robot(said.drives)
+    pieces, whole = segments(robot, said), cycles(robot, said)
+    short, long = observe(robot, pieces), observe(robot, whole)
+    simulated = float(np.maximum(short.power, 0).mean() * said.period)
+    starts = [int(np.abs(long.t - k * said.period).argmin()) for k in range(CYCLES + 1)]
+    in_cycles = float(np.diff(long.consumed[starts])[-1])
+    turnover = float(np.abs(short.u * short.v[:, robot.at]).sum(axis=1).mean())
+    scale = max(said.energy, IDLE * turnover * said.period)
+    inverse, direct = np.min([robot.singularity(q) for q in short.q], axis=0)
+    measured: dict[str, Any] = {
+        "energy": said.energy,
+        "simulated": simulated,
+        "in_cycles": in_cycles,
+        "gap": max(abs(simulated - said.energy), abs(in_cycles - said.energy)) / scale,
+        "end_effector": float(np.abs(short.r_E - said.series["r_E"]).max()),
+        "motors": float(np.abs(short.q_M - said.series["q_M"]).max()),
+        "deviations": _deviations(said, short),
+        "closure": float(max(short.closure.max(), long.closure.max())),
+        "balance": _balance(long) / (CYCLES * scale),
+        "periodicity": float(np.abs(np.diff(long.r_E[starts], axis=0)).max()),
+        **_feedback(whole, long),
+        "window": _window_excess(said, long),
+        "limits": {f"{b.quantity} {b.name}": _limit_excess(b, long) for b in said.problem.bounds},
+        "inverse": float(inverse),
+        "direct": float(direct),
+        "resolution": said.resolution,
+    }
+    return Verification(**measured, faults=_faults(measured, said))
+
+
+def _deviations(said: Reference, short: Observed) -> dict[str, float]:
+    step = said.period / said.t.size
+    seen = {name: getattr(short, name) for name in ("r_E", "q", "v", "q_M", "v_M", "u", "power")}
+    seen["energy"] = np.cumsum(np.maximum(short.power, 0)) * step
+    pairs = {name: (said.series[name], values) for name, values in seen.items()}
+    pairs["flat_output"] = said.flat_series, said.motion.flat_output(said.t)
+    return {
+        name: float(np.abs(stored - values).max() / max(np.ptp(stored, axis=0).max(), TINY))
+        for name, (stored, values) in pairs.items()
+    }
+
+
+def _balance(long: Observed) -> float:
+    """|work of the motors less friction and payload - change of mechanical energy| [J]."""
+    return abs(float(simpson(long.supplied, x=long.t) - (long.mechanical[-1] - long.mechanical[0])))
+
+
+def _feedback(whole: Trace, long: Observed) -> dict[str, float]:
+    moved, turned = (np.trapezoid(np.abs(x * long.v_M).sum(axis=1), long.t) for x in (whole.feedback, long.tau))
+    share = np.abs(whole.feedback).max() / max(np.abs(whole.tau).max(), TINY)
+    return {"feedback": float(share), "feedback_energy": float(moved / max(turned, TINY))}
+
+
+def _window_excess(said: Reference, long: Observed) -> float:
+    worst = -np.inf
+    rounding = 1e-12 * said.period
+    for w in said.problem.cycle.windows:
+        since = (long.t - w.start + rounding) % said.period
+        off = np.abs(long.r_E[since <= w.end - w.start + 2 * rounding, w.axis] - w.at)
+        worst = max(worst, float(off.max()) - w.deviation)
+    return worst
+
+
+def _limit_excess(bound: Bound, long: Observed) -> float:
+    """Largest excess over a limit, relative to the larger of its two sides."""
+    name = {"speed": "v_M", "dq": "v", "ddq": "a"}.get(bound.quantity, bound.quantity)
+    values = getattr(long, name)[:, bound.index]
+    size = max(abs(x) for x in (bound.lower, bound.upper) if np.isfinite(x))
+    return float(max((bound.lower - values).max(), (values - bound.upper).max()) / max(size, TINY))
+
+
+def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:
+    extent = float(np.ptp(said.series["r_E"], axis=0).max())
+    deviation = min(w.deviation for w in said.problem.cycle.windows)
+    lost = [name for name, x in found["deviations"].items() if not x <= DEVIATION]
+    checks = [
+        (found["gap"] <= ENERGY, "the result prints {energy:.5g} J, its torque needs {simulated:.5g} J in segments and "
+         "{in_cycles:.5g} J in whole cycles"),
+        (found["end_effector"] <= END_EFFECTOR * extent, "the end effector deviates by {end_effector:.1e} m"),
+        (not lost, f"these series of the result do not follow from its torque: {', '.join(lost)}"),
+        (found["closure"] <= CLOSURE, "the loops open by {closure:.1e} m"),
+        (found["balance"] <= BALANCE, "the simulation's power balance is off by {balance:.1e}"),
+        (found["periodicity"] <= PERIODICITY * extent, "after a cycle the end effector is off by {periodicity:.1e} m"),
+        (found["feedback"] <= FEEDBACK, "holding the motion takes {feedback:.1e} of the peak torque"),
+        (found["window"] <= WINDOW_EXCESS * deviation, "a rest window is overstepped by {window:.1e} m"),
+        (found["resolution"] <= RESOLUTION, "the samples are too coarse for the torque (off by {resolution:.1e})"),
+        *((x <= LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in found["limits"].items()),
+    ]  # fmt: skip
+    return tuple(text.format(**found) for kept, text in checks if not kept)
