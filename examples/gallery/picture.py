@@ -59,7 +59,7 @@ def sketch(axes: Any, solutions: list[pkmsea.Solution]) -> None:
         mechanism.model.jointPlacements[i].translation for i, p in enumerate(mechanism.model.parents) if i and not p
     ]
     axes.plot(*(view @ np.array(fixed).T), "s", color="k", ms=8)
-    over_time = axes.inset_axes((0, 0, 0.36, 0.3), xticks=[], yticks=[]) if mechanism.mobility == 1 else None
+    over_time = axes.inset_axes((0, 0.68, 0.36, 0.3), xticks=[], yticks=[]) if mechanism.mobility == 1 else None
     for solution in solutions:
         color = COLORS.get(solution.name, OTHER)
         if over_time:
