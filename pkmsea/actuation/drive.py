@@ -12,28 +12,22 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-class Bounds(Record):
-    """Range in which a stiffness is optimised [N m/rad, N/m]."""
-
-    bounds: tuple[Positive, Positive]
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Bounds:
-        if self.bounds[0] >= self.bounds[1]:
-            raise ValueError("the lower bound of the stiffness is not below the upper one")
-        return self
-
-
 class Range(Record):
-    """Range in which a rest position is optimised [rad, m]."""
+    """Range in which a number of a drive is optimised."""
 
     bounds: tuple[float, float]
 
     @model_validator(mode="after")
     def _ordered(self) -> Range:
         if self.bounds[0] >= self.bounds[1]:
-            raise ValueError("the lower bound of the rest position is not below the upper one")
+            raise ValueError("the lower bound is not below the upper one")
         return self
+
+
+class Bounds(Range):
+    """Range in which a stiffness is optimised [N m/rad, N/m]."""
+
+    bounds: tuple[Positive, Positive]
 
 
 class ParallelSpring(Record):
@@ -105,6 +99,6 @@ class Drive(Record):
         return self.model_copy(update={**seen, "gear_ratio": None})
 
 
-def as_range(value: float | Bounds | Range) -> tuple[float, float]:
+def as_range(value: float | Range) -> tuple[float, float]:
     """Lower and upper bound; equal where the value is fixed."""
     return (value, value) if isinstance(value, int | float) else value.bounds

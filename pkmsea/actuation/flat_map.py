@@ -57,18 +57,11 @@ def flat_map(shape: Shape) -> ca.Function:
         else Z[j, 0] - inertia[i] * a[at[i]] - friction[i] * v[at[i]] - coulomb(F_C[i], width[i], v[at[i]])
         for j, i in enumerate(shape.free)
     ]
-    u = ca.SX(m, 1)
-    u[list(shape.free)] = stack(u_free)
-    G = mechanism.functions["closure_jacobian"](q)
-    solved = ca.solve(ca.horzcat(ca.SX(dependent_columns(shape)), G.T), load - on_joints(u, at, n))
-    u[shape.dependent] = solved[:delta]
-
-    q_M = stack(
-        [q[at[i]] + (spring_deflection(shape, i, c[i], cubic[i], u[i]) if i in shape.elastic else 0) for i in range(m)]
-    )
-    for j, i in enumerate(shape.free):
-        if i in shape.elastic and i not in shape.damped:
-            q_M[i] = Z[j, 0]
+    u = _all_forces(shape, q, load, u_free)
+    q_M = stack([q[joint] for joint in at])
+    for i in shape.elastic:
+        known = i in shape.free and i not in shape.damped
+        q_M[i] = Z[shape.free.index(i), 0] if known else q_M[i] + spring_deflection(shape, i, c[i], cubic[i], u[i])
     v_M = rate(q_M)
     a_M = rate(v_M)
     tau = u + inertia * a_M + friction * v_M + coulomb(F_C, width, v_M)
@@ -80,6 +73,16 @@ def flat_map(shape: Shape) -> ca.Function:
         ["q", "Y", "Z", "c", "k", "rest", "L", "r"],
         ["q_M", "v_M", "tau", "u", "v", "a"],
     )
+
+
+def _all_forces(shape: Shape, q: ca.SX, load: ca.SX, u_free: list[ca.SX]) -> ca.SX:
+    """u (m,): the free drives' forces, and those of the others from load = S_A^T u + G^T lambda."""
+    u, n = ca.SX(shape.m, 1), q.numel()
+    u[list(shape.free)] = stack(u_free)
+    G = shape.mechanism.functions["closure_jacobian"](q)
+    columns = ca.horzcat(ca.SX(dependent_columns(shape)), G.T)
+    u[shape.dependent] = ca.solve(columns, load - on_joints(u, shape.mechanism.actuated, n))[: len(shape.dependent)]
+    return u
 
 
 @lru_cache(maxsize=16)
