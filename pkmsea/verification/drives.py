@@ -15,7 +15,7 @@ from pkmsea.errors import InputError
 class Drives:
     """m drives with motor torques tau; rotor and friction stand before the spring, or on the joint where it is rigid.
 
-        elastic:  M_M a_M + d_v v_M + F_C tanh(v_M / w) + u = tau,   u = c (q_M - q_A) + c_3 (q_M - q_A)^3
+        elastic:  M_M a_M + d_v v_M + F_C tanh(v_M / w) + u = tau,   u = c e + c_3 e^3 + d_s de/dt,   e = q_M - q_A
         rigid:    M_M a_A + d_v v_A + F_C tanh(v_A / w) + u = tau
 
     u and the parallel springs' k (rest - q_A) act on the joints. `stiffness` (m,) is NaN for rigid drives, `parallel`
@@ -72,9 +72,13 @@ class Drives:
         viscous, coulomb, width = self.losses
         return np.asarray(viscous * v_M + coulomb * np.tanh(v_M / width))
 
-    def spring(self, wound: np.ndarray) -> np.ndarray:
-        """Spring forces u at q_M - q_A (..., m)."""
-        return np.asarray(self.c * wound + self.cubic * wound**3)
+    @cached_property
+    def damping(self) -> np.ndarray:
+        return self.actuation.numbers("damping")
+
+    def spring(self, wound: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Spring forces u at q_M - q_A and v_M - v_A (..., m)."""
+        return np.asarray(self.c * wound + self.cubic * wound**3 + self.damping * rate)
 
     def parallel_spring(self, q_A: np.ndarray) -> np.ndarray:
         """Forces of the parallel springs on the joints (..., m)."""
@@ -93,5 +97,5 @@ class Drives:
         at = self.inertia > 0
         viscous, coulomb, width = self.losses
         swinging = np.sqrt((self.c + 3 * self.cubic * wound**2)[at] / self.inertia[at])
-        braking = (viscous + coulomb / width)[at & self.elastic] / self.inertia[at & self.elastic]
+        braking = (viscous + coulomb / width + self.damping)[at & self.elastic] / self.inertia[at & self.elastic]
         return float(max(swinging.max(initial=0.0), braking.max(initial=0.0)))

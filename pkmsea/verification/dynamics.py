@@ -111,7 +111,7 @@ class Robot:
         q, v, _, _ = self.split(x)
         q_M, v_M = self.motors(x)
         q_A, left = q[self.at], tau - drives.friction(v_M)
-        spring = drives.spring(q_M - q_A)
+        spring = drives.spring(q_M - q_A, v_M - v[self.at])
         f = np.where(drives.elastic, spring, left) + drives.parallel_spring(q_A)
         a_M = (left - spring)[drives.elastic] / drives.inertia[drives.elastic]
         return np.concatenate([v, self.acceleration(t, q, v, f), v_M[drives.elastic], a_M])

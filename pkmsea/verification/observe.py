@@ -19,7 +19,7 @@ class Observed:
     r_E, dr_E, ddr_E : end effector and its derivatives.
     q, v, a, q_M, v_M, u, tau : joints and drives; `u` acts on the joints.
     power : bus power P = sum of tau v_M + kappa tau^2.
-    supplied : power of the motors less that of friction and of the payload.
+    supplied : power of the motors less that of friction, dampers and payload.
     closure : largest closure residual [m, rad].
     mechanical : kinetic and potential energy of tree, rotors and springs.
     """
@@ -60,11 +60,12 @@ def observe(robot: Robot, trace: Trace) -> Observed:
     closure = np.array([np.abs(constraint.Phi).max(initial=0.0) for constraint in loops])
     friction = drives.friction(v_M)
     rigid = trace.tau - drives.inertia * a[:, robot.at] - friction
-    u = np.where(drives.elastic, drives.spring(q_M - q[:, robot.at]), rigid)
+    slip = v_M - v[:, robot.at]
+    u = np.where(drives.elastic, drives.spring(q_M - q[:, robot.at], slip), rigid)
     kappa = drives.actuation.numbers("copper_loss")
     power = (trace.tau * v_M + kappa * trace.tau**2).sum(axis=1)
     carried = [robot.payload_power(*each) for each in zip(trace.t, q, v, a, strict=True)]
-    supplied = ((trace.tau - friction) * v_M).sum(axis=1) - carried
+    supplied = ((trace.tau - friction) * v_M - drives.damping * slip**2).sum(axis=1) - carried
     mechanical = np.array([robot.energy(x) for x in trace.x])
     return Observed(
         trace.t, E[:, 0], E[:, 1], E[:, 2], q, v, a, q_M, v_M, u, trace.tau, power, supplied, closure, mechanical

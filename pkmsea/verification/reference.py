@@ -73,9 +73,10 @@ class Reference:
 
     @cached_property
     def flat_series(self) -> np.ndarray:
-        """The stored series that are entries of the flat output: r_E, then q_M or tau of the free drives (K, m)."""
+        """The stored series that are entries of the flat output: r_E, then q_M, u or tau of the free drives (K, m)."""
         actuation = self.problem.actuation
-        z = [self.series["q_M" if actuation.drives[i].elastic else "tau"][:, i] for i in actuation.free]
+        names = ["u" if i in actuation.damped else "q_M" if i in actuation.elastic else "tau" for i in actuation.free]
+        z = [self.series[name][:, i] for name, i in zip(names, actuation.free, strict=True)]
         return np.column_stack([self.series["r_E"], *z])
 
     def _spline(self, stride: int) -> BSpline:
