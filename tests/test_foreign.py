@@ -45,6 +45,8 @@ def test_from_file_to_verified_cycle(name: str, tmp_path: Path) -> None:
     if name == "ur5":
         assert load_mechanism(folder).sidecar.end_effector.joints == tuple(load_mechanism(folder).joints)
         task.unlink()
+        sidecar.write_text(sidecar.read_text() + locked)
+        expect(run("new", folder), 2, "actuated: The joint 'wrist_1_joint' is locked", "left out, they are proposed")
         sidecar.write_text(locked)
         new(folder, None)
     mechanism = load_mechanism(folder)
