@@ -5,26 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 
 import five_bar
-import pinocchio as pin
 import pytest
 from test_cli import expect, run
 
 from pkmsea.mechanism import load_mechanism
+from pkmsea.mechanism.robots import find_robot
 from pkmsea.new import new
 from pkmsea.solution import solve
 from pkmsea.task import load_task
 
 SHARED = Path(__file__).parents[2] / "shared" / "mechanisms"  # beside the checkout, where there are any
-ROBOTS = Path(pin.__file__).parents[4] / "share" / "example-robot-data" / "robots"
 EXAMPLES = Path(__file__).parents[1] / "examples" / "mechanisms"
 FILES = {  # file, mobility, joints that a user has to lock
     "crank": (EXAMPLES / "four_bar.urdf", 1, ""),
     "gepetto": (SHARED / "gepetto_5bar_linkage_iso3d" / "robot.urdf", 2, ""),
     "four_bar": (SHARED / "grbda_urdfplus" / "four_bar.urdf", 1, ""),
     "six_bar": (SHARED / "grbda_urdfplus" / "six_bar.urdf", 2, "locked: {joint2: 0.5}\n"),
-    "two_link_arm": (ROBOTS / "asr_twodof_description" / "urdf" / "TwoDofs.urdf", 2, ""),
+    "two_link_arm": (find_robot("example-robot-data/TwoDofs.urdf"), 2, ""),
     "ur5": (
-        ROBOTS / "ur_description" / "urdf" / "ur5_robot.urdf", 3,
+        find_robot("example-robot-data/ur5_robot.urdf"), 3,
         "locked: {wrist_1_joint: 0, wrist_2_joint: 0, wrist_3_joint: 0}\n",
     ),
 }  # fmt: skip
@@ -46,6 +45,8 @@ def test_from_file_to_verified_cycle(name: str, tmp_path: Path) -> None:
     if name == "ur5":
         assert load_mechanism(folder).sidecar.end_effector.joints == tuple(load_mechanism(folder).joints)
         task.unlink()
+        sidecar.write_text(sidecar.read_text() + locked)
+        expect(run("new", folder), 2, "actuated: The joint 'wrist_1_joint' is locked", "left out, they are proposed")
         sidecar.write_text(locked)
         new(folder, None)
     mechanism = load_mechanism(folder)

@@ -67,3 +67,6 @@ def test_robots_by_name(tmp_path: Path) -> None:
     sidecar = tmp_path / "mechanism.yaml"
     sidecar.write_text(f"urdf: {PACKAGE}/../ur6.urdf\n")
     expect(run("check", tmp_path), 2, "mechanism.yaml, urdf", "ur6.urdf", "ur5_robot.urdf")
+    sidecar.write_text(f"urdf: {PACKAGE}/TwoDofs.urdf\n")
+    (tmp_path / PACKAGE).mkdir()  # as 'pkmsea new' makes one for meshes
+    assert load_mechanism(tmp_path, guess=True).origin.tree.name == "TwoDofs.urdf"

@@ -73,6 +73,12 @@ def check_joint_names(source: Source, model: pin.Model) -> None:
     for i, coupling in enumerate(draft.couplings):
         named += [("couplings", f"couplings.{i}.{end}", getattr(coupling, end)) for end in ("joint", "of")]
     for key, place, name in named:
+        if name in draft.locked:
+            raise MechanismError(
+                f"The joint '{name}' is locked.",
+                "Take it out here, or out of 'locked'. Where actuated, independent, end_effector and seed are left "
+                "out, they are proposed.", file=source.where(key), key=place,
+            )  # fmt: skip
         if name not in joints:
             raise NameNotFound("moving joint", name, joints, file=source.where(key), key=place)
 

@@ -116,7 +116,7 @@ def _trees(folder: Path) -> list[Path]:
 
 def _find_tree(folder: Path, named: str | None, sidecar: Path | None) -> Path:
     """The tree that the sidecar names, else the only one of the folder."""
-    if named is not None and robots.is_robot(named) and not (folder / robots.PACKAGE).exists():
+    if named is not None and robots.is_robot(named) and not (folder / named).is_file():
         return robots.find_robot(named, file=sidecar, key="urdf")
     if named is not None:
         tree = folder / named
