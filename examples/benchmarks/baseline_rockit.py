@@ -36,7 +36,7 @@ class Baseline:
         self.y = self._chain(posed.span[0], w, jets)
         theta = self.ocp.variable(self.m)
         self.c = ca.exp(theta)
-        low, high = np.log(posed.stiffness_range).T
+        low, high = np.array([parameter.bounds for parameter in posed.actuation.parameters]).T
         self.ocp.subject_to(low <= (theta <= high))
         self.ocp.set_initial(theta, np.log(guess.stiffness))
         first = ours.series(posed, guess, samples)

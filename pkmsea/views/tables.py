@@ -74,6 +74,7 @@ def solution_record(solution: Solution, reference: float | None) -> dict[str, An
         "energy_true": solution.energy,
         "ratio": None if reference is None else solution.energy / reference,
         "stiffness": [float(c) for c in solution.stiffness],
+        "parallel": [{"stiffness": float(k), "rest": float(rest)} for k, rest in _parallel(solution)],
         "status": solution.status,
         "verified": solution.verified,
         "gap": audit.gap,
@@ -98,7 +99,7 @@ def print_solutions(solutions: Sequence[Solution], reference: float | None) -> N
         ratio = None if reference is None else s.energy / reference
         optima = f"{_optima(s)} of {len(s.starts)} starts"
         table.add_row(
-            s.name, f"{s.energy:.4g}", f"{s.claimed:.4g}", _or_dash(ratio, ".1%"), _springs(s.stiffness),
+            s.name, f"{s.energy:.4g}", f"{s.claimed:.4g}", _or_dash(ratio, ".1%"), _all_springs(s),
             optima, f"{s.seconds:.1f}", s.status,
         )  # fmt: skip
     console().print(table)
@@ -222,6 +223,18 @@ def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
 def _short_path(name: str) -> str:
     """The last folder and the file."""
     return "/".join(Path(name).parts[-2:])
+
+
+def _all_springs(solution: Solution) -> str:
+    """Stiffnesses in series; those in parallel with their rest positions [rad, m]."""
+    beside = "; ".join(f"{k:.3g} at {rest:.3g}" for k, rest in _parallel(solution))
+    return f"{_springs(solution.stiffness)} | parallel {beside}" if beside else _springs(solution.stiffness)
+
+
+def _parallel(solution: Solution) -> np.ndarray:
+    """Stiffness and rest position of each parallel spring, (springs, 2)."""
+    found = solution.motion.parallel
+    return np.asarray(found[~np.isnan(found[:, 0])])
 
 
 def _springs(stiffness: Any) -> str:
