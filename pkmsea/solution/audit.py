@@ -102,7 +102,8 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     exact = _batch(flat_map_of_columns(actuation.shape), count)
     q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, r))
     for i in actuation.damped:
-        q_M[:, i], v_M[:, i], tau[:, i] = _damped(actuation, i, basis.period, motion.stiffness[i], q, v, a, u[:, i])
+        q_M[:, i], v_M[:, i], a_M = _damped(actuation, i, basis.period, motion.stiffness[i], q, v, a, u[:, i])
+        tau[:, i] = actuation.drives[i].inertia * a_M + u[:, i] + _friction(actuation, v_M)[:, i]
     power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
@@ -144,14 +145,12 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
 def _damped(
     actuation: Actuation, i: int, period: float, c: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, u: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q_M, v_M and tau of a drive whose spring is damped: c e + d_s de/dt = u over one period, by Fourier transform."""
-    drive, joint, count = actuation.drives[i], actuation.mechanism.actuated[i], u.size
-    gain = 1.0 / (c + 1j * frequencies(period, count) * drive.damping)
+    """q_M, v_M and a_M of a drive whose spring is damped: c e + d_s de/dt = u over one period, by Fourier transform."""
+    joint, count = actuation.mechanism.actuated[i], u.size
+    gain = 1.0 / (c + 1j * frequencies(period, count) * actuation.drives[i].damping)
     e = np.fft.irfft(gain * np.fft.rfft(u), count)[:, None]
     e_1, e_2 = (derivative(e, period, order)[:, 0] for order in (1, 2))
-    v_M, a_M = v[:, joint] + e_1, a[:, joint] + e_2
-    tau = drive.inertia * a_M + u + drive.friction * v_M + drive.coulomb * np.tanh(v_M / drive.coulomb_width)
-    return q[:, joint] + e[:, 0], v_M, tau
+    return q[:, joint] + e[:, 0], v[:, joint] + e_1, a[:, joint] + e_2
 
 
 def _spring_losses(actuation: Actuation, s: Series) -> np.ndarray:
