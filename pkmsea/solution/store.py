@@ -25,7 +25,7 @@ from pkmsea.solution.solution import Mesh, Solution
 from pkmsea.solver import Outcome, Start
 from pkmsea.task import Fourier, Spline, Task
 from pkmsea.transcription import Motion
-from pkmsea.transcription.bases import FourierBasis, SplineBasis, make_basis
+from pkmsea.transcription.bases import Basis, FourierBasis, SplineBasis, make_basis
 
 FORMAT = "pkmsea result 1"
 POINTS = 1000  # of the stored series, per period, at least
@@ -154,9 +154,7 @@ def load(path: str | Path) -> Solution:
         task = Task.model_validate_json(record["task"])
         task._file = Path(record["task_file"]) if record["task_file"] else None
         problem = build_problem(task, record["setup"])
-        trajectory = json.loads(record["basis"])
-        kind: type[Fourier] | type[Spline] = Fourier if trajectory["kind"] == "fourier" else Spline
-        basis = make_basis(kind.model_validate(trajectory), task.cycle.period)
+        basis = _basis(json.loads(record["basis"]), task.cycle.period)
         parallel = np.stack([dataset[name].values for name in ("parallel_stiffness", "parallel_rest")], axis=1)
         motion = Motion(basis, dataset["flat_output"].values.copy(), dataset["stiffness"].values.copy(), parallel)
         starts = tuple(_start(r) for r in json.loads(record["starts"]))
@@ -164,6 +162,24 @@ def load(path: str | Path) -> Solution:
         return Solution(problem, motion, float(record["energy_claimed"]), starts, meshes, float(record["seconds"]))
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error
+
+
+def motion_record(motion: Motion) -> dict[str, Any]:
+    """A motion as plain data; `motion_of` reads it."""
+    arrays = {"coefficients": motion.coefficients, "stiffness": motion.stiffness, "parallel": motion.parallel}
+    plain = {name: np.where(np.isnan(x), None, x).tolist() for name, x in arrays.items()}
+    return {"basis": _basis_record(motion), "period": motion.basis.period, **plain}
+
+
+def motion_of(record: dict[str, Any]) -> Motion:
+    """The motion that `motion_record` has written."""
+    arrays = [np.array(record[name], float) for name in ("coefficients", "stiffness", "parallel")]
+    return Motion(_basis(record["basis"], record["period"]), *arrays)
+
+
+def _basis(trajectory: dict[str, Any], period: float) -> Basis:
+    kind: type[Fourier] | type[Spline] = Fourier if trajectory["kind"] == "fourier" else Spline
+    return make_basis(kind.model_validate(trajectory), period)
 
 
 def _basis_record(motion: Motion) -> dict[str, Any]:
