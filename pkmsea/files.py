@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -74,6 +75,11 @@ def parse(kind: type[R], data: Any, file: Path | str | None) -> R:
 def read(kind: type[R], path: Path) -> R:
     """Read a YAML file as one record."""
     return parse(kind, read_yaml(path), path)
+
+
+def file_name(title: str) -> str:
+    """A safe file name from a title: 'PKM SEA' becomes 'PKM_SEA'."""
+    return re.sub(r"[^\w.+-]+", "_", title).strip("._") or "setup"
 
 
 def _input_error(kind: type[Record], error: ValidationError, data: Any, file: Path | str | None) -> InputError:

@@ -167,7 +167,7 @@ def load(path: str | Path) -> Solution:
 def motion_record(motion: Motion) -> dict[str, Any]:
     """A motion as plain data; `motion_of` reads it."""
     arrays = {"coefficients": motion.coefficients, "stiffness": motion.stiffness, "parallel": motion.parallel}
-    plain = {name: np.where(np.isnan(x), None, x).tolist() for name, x in arrays.items()}
+    plain = {name: x.astype(object).tolist() for name, x in arrays.items()}
     return {"basis": _basis_record(motion), "period": motion.basis.period, **plain}
 
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pkmsea.errors import InputError, NameNotFound
+from pkmsea.errors import NameNotFound
 from pkmsea.files import parse
 from pkmsea.mechanism.conventions import read_source
 from pkmsea.mechanism.urdf import find
@@ -36,19 +36,15 @@ def changed_task(task: Task, numbers: Mapping[str, float], folder: Path) -> Task
         if key.startswith(DRIVES):
             _change_drives(data, key, number, task)
         elif not key.startswith(MECHANISM):
-            _reach(key, lambda k=key, x=number: assign(data, k.split("."), x))
+            try:
+                assign(data, key.split("."), number)
+            except Missing as missing:
+                raise NameNotFound("number", key, missing.names, key=key) from None
     changed = parse(Task, data, task.file)
     changed._file = task.file
     if mechanisms:
         changed = _with_mechanisms(changed, mechanisms, folder)
     return changed
-
-
-def _reach(key: str, change: Any) -> None:
-    try:
-        change()
-    except Missing as missing:
-        raise NameNotFound("number", key, missing.names) from None
 
 
 def _change_drives(data: dict[str, Any], key: str, number: float, task: Task) -> None:
@@ -71,7 +67,7 @@ def _change_drives(data: dict[str, Any], key: str, number: float, task: Task) ->
             except Missing as missing:
                 known = {f"{which}.{name}" for name in missing.names}
     if not found:
-        raise NameNotFound("drive or number", key, sorted(f"{DRIVES}{name}" for name in known))
+        raise NameNotFound("drive or number", key, sorted(f"{DRIVES}{name}" for name in known), key=key)
 
 
 @lru_cache(maxsize=64)
@@ -89,16 +85,8 @@ def _with_mechanisms(task: Task, numbers: Mapping[str, float], folder: Path) -> 
         reached |= numbers.keys() - missing.keys()
         left |= missing
     for key in numbers.keys() - reached:
-        raise NameNotFound("number", f"{MECHANISM}{key}", left[key].names)
+        raise NameNotFound("number", f"{MECHANISM}{key}", left[key].names, key=f"{MECHANISM}{key}")
     setups = tuple(s.model_copy(update={"mechanism": str(folders[s.mechanism].resolve())}) for s in task.setups)
     changed = task.model_copy(update={"setups": setups})
     changed._file = task.file
     return changed
-
-
-def with_place(error: InputError, file: Path | None, key: str) -> InputError:
-    """The same error, said of a key of the study file."""
-    if isinstance(error, NameNotFound):
-        return NameNotFound("number", error.name, error.known, file=file, key=key)
-    where = f" (in the task: {error.key})" if error.key else ""
-    return InputError(f"{error.cause}{where}", error.remedy, file=file, key=key, value=error.value)

@@ -1,11 +1,11 @@
 """Changing a mechanism: places, lengths and masses in its URDF, and any number of its sidecar.
 
-    joint.NAME.origin.x | y | z | roll | pitch | yaw      where the joint sits on its parent [m, rad]
-    link.NAME.mass, link.NAME.com.x | y | z               [kg], [m]
-    link.NAME.inertia.ixx | iyy | izz | ixy | ixz | iyz   about the centre of mass [kg m^2]
-    link.NAME.length                                      distance to its farthest child [m]; the link is stretched as a
-                                                          slender rod: mass grows with length, inertia with its cube
-    seed.JOINT, gravity.I and so on                       keys of mechanism.yaml
+joint.NAME.origin.x | y | z | roll | pitch | yaw      where the joint sits on its parent [m, rad]
+link.NAME.mass, link.NAME.com.x | y | z               [kg], [m]
+link.NAME.inertia.ixx | iyy | izz | ixy | ixz | iyz   about the centre of mass [kg m^2]
+link.NAME.length                                      distance to its farthest child [m]; the link is stretched as a
+                                                      slender rod: mass grows with length, inertia with its cube
+seed.JOINT, gravity.I and so on                       keys of mechanism.yaml
 """
 
 from __future__ import annotations
@@ -136,7 +136,9 @@ def _stretch(tree: xml.Element, sidecar: Any, link: xml.Element, length: float) 
     joints = [joint for joint in tree.iterfind("joint") if joint.find("parent").get("link") == name]
     origins = [_child(joint, "origin") for joint in joints]
     frames = [frame for frame in (sidecar.get("frames") or {}).values() if frame.get("link") == name]
-    reached = [_vector(origin, "xyz") for origin in origins] + [np.array(frame.get("xyz", [0, 0, 0])) for frame in frames]
+    reached = [_vector(origin, "xyz") for origin in origins] + [
+        np.array(frame.get("xyz", [0, 0, 0])) for frame in frames
+    ]
     present = max((float(np.linalg.norm(place)) for place in reached), default=0.0)
     if present == 0 or length <= 0:
         raise Missing([])

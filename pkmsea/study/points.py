@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from scipy.stats import qmc
 
 from pkmsea.study.study import Grid, Interval, Sample, Study, Values
 
+ALIKE = 9  # decimals of a distance: grid points at the same distance are neighbours of the same rank
 DIGITS = 12  # of a value: the ends of a logarithmic interval are themselves
 FIRST = 8  # points of the first level; every further one doubles what is there
 
@@ -32,10 +34,11 @@ class Points:
     def at(self, point: int) -> dict[str, float]:
         return {name: float(value) for name, value in zip(self.names, self.values[point], strict=True)}
 
-    def nearest(self, point: int, among: np.ndarray, count: int) -> list[int]:
-        """The nearest points among some, nearest first; of equal ones those with lower numbers."""
-        distance = np.linalg.norm(self.unit[among] - self.unit[point], axis=1).round(9)
-        return [int(i) for i in among[np.lexsort((among, distance))[:count]] if i != point]
+    def nearest(self, point: int, among: Sequence[int], count: int) -> list[int]:
+        """The nearest other points among some, nearest first; of equal ones those with lower numbers."""
+        others = np.array([i for i in among if i != point], int)
+        distance = np.linalg.norm(self.unit[others] - self.unit[point], axis=1).round(ALIKE)
+        return [int(i) for i in others[np.lexsort((others, distance))[:count]]]
 
 
 def points_of(study: Study) -> Points:
@@ -65,23 +68,23 @@ def values_at(study: Study, unit: np.ndarray) -> np.ndarray:
     return np.vectorize(lambda x: float(f"{x:.{DIGITS}g}"))(np.stack(columns, axis=1))
 
 
-def levels(points: Points) -> list[np.ndarray]:
+def levels(points: Points) -> list[list[int]]:
     """The points from coarse to fine: each next one is the farthest from all before, beginning in the middle.
 
     A level begins when all before it are solved, so its size, and with it every result, depends on the study alone.
     """
     count = points.unit.shape[0]
-    order = [int(np.linalg.norm(points.unit - 0.5, axis=1).round(9).argmin())]
+    order = [int(np.linalg.norm(points.unit - 0.5, axis=1).round(ALIKE).argmin())]
     distance = np.full(count, np.inf)
     while len(order) < count:
-        distance = np.minimum(distance, np.linalg.norm(points.unit - points.unit[order[-1]], axis=1).round(9))
+        distance = np.minimum(distance, np.linalg.norm(points.unit - points.unit[order[-1]], axis=1).round(ALIKE))
         distance[order[-1]] = -1.0
         order.append(int(distance.argmax()))
     borders, end = [0], FIRST
     while borders[-1] < count:
         borders.append(min(end, count))
         end *= 2
-    return [np.array(order[a:b]) for a, b in zip(borders, borders[1:], strict=False)]
+    return [order[a:b] for a, b in pairwise(borders)]
 
 
 def _count(varied: Values | Interval) -> int:

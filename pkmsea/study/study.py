@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,9 +15,25 @@ from pkmsea.study.expressions import names_in
 from pkmsea.task import Task, load_task
 
 MOST_POINTS = 100_000  # of one study, in all its cases
-RESERVED = {"case", "setup", "point", "round", "energy", "claimed", "status", "reason", "seconds", "starts", "motion"}
+COLUMNS = (
+    "outcome",
+    "energy",
+    "claimed",
+    "status",
+    "reason",
+    "starts",
+    "seconds",
+    "copper_loss",
+    "friction",
+    "inertia",
+    "optima",
+    "motion",
+    "meshes",
+    "task",
+)  # of the table, beside the key, the varied parameters and the stiffnesses c_i
+KEY = ("case", "setup", "point", "round")
 
-Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z][\w.*+-]*$")]
+Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z][\w .*+-]*$")]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Expression = Number | str
 
@@ -32,6 +49,10 @@ class Values(Record):
         if len(set(self.values)) < len(self.values):
             raise ValueError("a value stands twice")
         return self
+
+    @property
+    def first(self) -> float:
+        return self.values[0]
 
     @property
     def logarithmic(self) -> bool:
@@ -61,6 +82,10 @@ class Interval(Record):
         return ends
 
     @property
+    def first(self) -> float:
+        return self.ends[0]
+
+    @property
     def logarithmic(self) -> bool:
         return self.log is not None
 
@@ -72,7 +97,7 @@ class Grid(Record):
 
 
 class Sample(Record):
-    """Points spread over the intervals: scrambled Sobol (count: a power of two) or Latin hypercube (scipy.stats.qmc)."""
+    """Points spread over the intervals: scrambled Sobol (2^k points) or Latin hypercube (scipy.stats.qmc)."""
 
     kind: Literal["sobol", "latin hypercube"]
     count: int = Field(ge=1)
@@ -130,9 +155,9 @@ class Study(Record):
 
     @model_validator(mode="after")
     def _consistent(self) -> Study:
-        clash = sorted(RESERVED & self.vary.keys())
-        if clash:
-            raise ValueError(f"'{clash[0]}' names a column of the table; choose another name in vary")
+        for name in self.vary:
+            if name.lower() in KEY + COLUMNS or re.fullmatch(r"c_\d+", name):
+                raise ValueError(f"'{name}' names a column of the table already; choose another name in vary")
         grid = isinstance(self.sample, Grid)
         for name, varied in self.vary.items():
             if isinstance(varied, Interval) and grid and varied.count is None:
@@ -197,8 +222,6 @@ def check_names(study: Study) -> None:
     ------
     InputError, NameNotFound
     """
-    if not study.base:
-        return
     known = [setup.name for setup in study.base.setups]
     calibrated = [(f"cases.{c}.calibrate", r.setup) for c, case in study.cases.items() for r in case.calibrate]
     for key, name in [*(("setups", name) for name in study.names), *calibrated]:

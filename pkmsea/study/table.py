@@ -12,16 +12,15 @@ import numpy as np
 import pandas as pd
 
 from pkmsea.errors import InputError
+from pkmsea.study.study import COLUMNS, KEY
 
 NAME = "study.sqlite"
 FORMAT = "pkmsea study 1"
-KEY = ("case", "setup", "point", "round")
-RESULT = (
-    "outcome", "energy", "claimed", "status", "reason", "starts", "seconds", "copper_loss", "friction", "inertia",
-    "motion", "meshes", "task",
-)  # fmt: skip
-TEXT = {"case", "setup", "outcome", "status", "reason", "motion", "meshes", "task"}
-HIDDEN = ["motion", "meshes", "task"]  # columns for programs
+VERIFIED, UNVERIFIED, FAILED = "verified", "not verified", "failed"  # status
+DONE, NO_BETTER = "done", "no better"  # outcome, or FAILED
+QUOTED_KEY = ", ".join(f'"{name}"' for name in KEY)
+TEXT = {"case", "setup", "outcome", "status", "reason", "optima", "motion", "meshes", "task"}
+HIDDEN = ["optima", "motion", "meshes", "task"]  # columns for programs
 
 
 class Table:
@@ -30,7 +29,7 @@ class Table:
     def __init__(self, file: Path, parameters: Sequence[str], drives: int, fingerprint: Mapping[str, str]) -> None:
         self.file, self.parameters = file, list(parameters)
         self.springs = [f"c_{i + 1}" for i in range(drives)]
-        self.columns = [*KEY, *self.parameters, *self.springs, *RESULT]
+        self.columns = [*KEY, *self.parameters, *self.springs, *COLUMNS]
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             self._base = sqlite3.connect(file, isolation_level=None)
@@ -45,7 +44,7 @@ class Table:
     def _create(self) -> None:
         kinds = [f'"{name}" {"TEXT" if name in TEXT else "REAL"}' for name in self.columns]
         self._base.execute("CREATE TABLE IF NOT EXISTS study (key TEXT PRIMARY KEY, value TEXT)")
-        self._base.execute(f'CREATE TABLE IF NOT EXISTS points ({", ".join(kinds)}, PRIMARY KEY ({", ".join(KEY)}))')
+        self._base.execute(f"CREATE TABLE IF NOT EXISTS points ({', '.join(kinds)}, PRIMARY KEY ({QUOTED_KEY}))")
 
     def _agree(self, fingerprint: Mapping[str, str]) -> None:
         """Only rows of the same study stand in one table."""
@@ -62,36 +61,45 @@ class Table:
                 "Choose another output folder with -o, or delete this one.", file=self.file,
             )  # fmt: skip
 
-    def keys(self) -> set[tuple[str, str, int, int]]:
-        """What is there already."""
-        found = self._base.execute(f"SELECT {', '.join(KEY)} FROM points")
-        return {(case, setup, int(point), int(turn)) for case, setup, point, turn in found}
-
-    def add(self, row: Mapping[str, Any], parameters: Mapping[str, float]) -> None:
+    def add(self, row: Mapping[str, Any]) -> None:
         """Store one row for good."""
-        stiffness = dict(zip(self.springs, row.get("stiffness", []), strict=False))
-        values = dict(zip(KEY, row["key"], strict=True)) | dict(parameters) | stiffness | dict(row)
-        plain = [None if isinstance(x := values.get(name), float) and not np.isfinite(x) else x for name in self.columns]
+        values = dict(row) | dict(zip(self.springs, row.get("stiffness", []), strict=False))
+        plain = [
+            None if isinstance(x := values.get(name), float) and not np.isfinite(x) else x for name in self.columns
+        ]
         marks = ", ".join("?" * len(plain))
         self._base.execute(f"INSERT OR REPLACE INTO points VALUES ({marks})", plain)
 
     def rows(self) -> pd.DataFrame:
         """Every row, in the order of its key."""
-        frame = pd.read_sql_query(f"SELECT * FROM points ORDER BY {', '.join(KEY)}", self._base)
+        frame = pd.read_sql_query(f"SELECT * FROM points ORDER BY {QUOTED_KEY}", self._base)
         return frame.astype({"point": int, "round": int})
 
     def close(self) -> None:
         self._base.close()
 
 
+def rank(row: Mapping[str, Any]) -> tuple[int, float]:
+    """Verified rows first, then others with an energy, failed ones last; each by energy [J]."""
+    order = (VERIFIED, UNVERIFIED, FAILED).index(row["status"])
+    return order, np.inf if row["status"] == FAILED else row["energy"]
+
+
+def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows as plain data."""
+    return [{str(name): value for name, value in row.items()} for row in frame.to_dict("records")]
+
+
 def best(rows: pd.DataFrame) -> pd.DataFrame:
-    """The best row of every case, setup and point: verified ones first, then by energy; failed ones last."""
-    rank = {"verified": 0, "not verified": 1}
-    ranked = rows[rows["outcome"] != "no better"].assign(rank=lambda r: r["status"].map(rank).fillna(2))
-    ordered = ranked.sort_values(["case", "setup", "point", "rank", "energy", "round"], kind="stable")
-    return ordered.drop_duplicates(["case", "setup", "point"]).drop(columns="rank").reset_index(drop=True)
+    """The best row of every case, setup and point."""
+    solved = rows[rows["outcome"] != NO_BETTER]
+    ranks = pd.DataFrame([rank(row) for row in records(solved)], solved.index, ["order", "least"])
+    ordered = solved.join(ranks).sort_values(["case", "setup", "point", "order", "least", "round"], kind="stable")
+    return ordered.drop_duplicates(["case", "setup", "point"]).drop(columns=["order", "least"]).reset_index(drop=True)
 
 
-def first_claim(meshes: str) -> float:
-    """What the first mesh of a row claims [J]."""
-    return float(json.loads(meshes)[0]["claimed"])
+def last_but_one(row: Mapping[str, Any]) -> tuple[int, float]:
+    """Samples of the mesh before the last that was solved in a row, and the energy that it claims [J]."""
+    solved = [mesh for mesh in json.loads(row["meshes"]) if mesh["claimed"] is not None]
+    mesh = solved[-2:][0]
+    return mesh["samples"], mesh["claimed"]

@@ -1,8 +1,5 @@
 """Showing solutions: tables, figures and the Meshcat playback. Nothing upstream imports this."""
 
-import re
+from pkmsea.files import file_name
 
-
-def file_name(setup: str) -> str:
-    """A safe file name from a setup's name: 'PKM SEA' becomes 'PKM_SEA'."""
-    return re.sub(r"[^\w.+-]+", "_", setup).strip("._") or "setup"
+__all__ = ["file_name"]
