@@ -199,6 +199,23 @@ def verify(
 
 
 @app.command()
+def export(
+    result: Annotated[Path, typer.Argument(help="Result file (.nc).")],
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Samples per second; raised until a cycle has a whole number.")
+    ] = 1000.0,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="File: .csv or .nc; default: RESULT.csv.")] = None,
+    unverified: Annotated[bool, typer.Option("--unverified", help="Export a result that is not verified.")] = False,
+) -> None:
+    """Write motor positions, speeds, torques and joint references of one cycle, ready for a drive."""
+    from pkmsea.solution.export import export as write
+
+    path = out or result.with_suffix(".csv")
+    sampling = write(result, path, rate, unverified=unverified)
+    typer.echo(f"wrote {path}: {sampling}")
+
+
+@app.command()
 def plot(
     result: Annotated[list[Path], typer.Argument(help="Result files (.nc); several are drawn into one figure.")],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Figure file: .png, .pdf or .svg.")] = None,
