@@ -39,8 +39,7 @@ class Job:
     task : JSON of the changed task; `file` is where the original was read.
     near : motions of neighbours, as `motion_record`s in JSON, each a start.
     indices : of the random starts beside; None for the whole multi-start of the task.
-    samples : of the mesh to begin on: the last but one of the neighbours', so that the last confirms it.
-    known : what this point's best solution so far claims on that mesh [J]; None in the first round.
+    known : what this point's best solution so far claims on the first mesh [J]; None in the first round.
     result : file to save the solution in.
     """
 
@@ -50,7 +49,6 @@ class Job:
     file: str | None
     near: tuple[str, ...] = ()
     indices: tuple[int, ...] | None = None
-    samples: int = 0
     known: float | None = None
     calibrate: tuple[Calibration, ...] = ()
     result: str | None = None
@@ -99,9 +97,8 @@ def _with_file(task: Task, file: str | None) -> Task:
 
 def _solved(job: Job, begin: float) -> dict[str, Any]:
     task, numbers = task_of(job)
-    coarse = transcribe(build_problem(task, job.key[1]))
-    transcription = _as_fine_as(coarse, job.samples)
-    starts = _starts(coarse, transcription, job)
+    transcription = transcribe(build_problem(task, job.key[1]))
+    starts = _starts(transcription, job)
     claimed = min((start.energy for start in starts), default=float("inf"))
     if job.known is not None and not claimed < (1 - BETTER) * job.known:
         return {"outcome": NO_BETTER, "status": NO_BETTER, "starts": len(starts)}
@@ -111,21 +108,12 @@ def _solved(job: Job, begin: float) -> dict[str, Any]:
     return record(solution) | numbers
 
 
-def _as_fine_as(transcription: Transcription, samples: int) -> Transcription:
-    finer = transcription.refined() if transcription.samples < samples else None
-    return transcription if finer is None else _as_fine_as(finer, samples)
-
-
-def _starts(coarse: Transcription, transcription: Transcription, job: Job) -> list[Start]:
-    """Starts from neighbours on the mesh that they needed; random ones are screened on the coarse mesh."""
-    near = [motion_of(json.loads(text)) for text in job.near]
+def _starts(transcription: Transcription, job: Job) -> list[Start]:
+    starts = [restart(transcription, motion_of(json.loads(text))) for text in job.near]
     if job.indices is None:
-        return [restart(transcription, motion) for motion in near] + multistart(coarse, workers=1)[0]
-    own = [finish(coarse, start) for index in job.indices if (start := run_start(coarse, index)).usable]
-    if transcription is not coarse:
-        near += [coarse.motion(start.x) for start in own if start.x is not None]
-        own = []
-    return [restart(transcription, motion) for motion in near] + own
+        return starts + multistart(transcription, workers=1)[0]
+    own = [run_start(transcription, index) for index in job.indices]
+    return starts + [finish(transcription, start) if start.usable else start for start in own]
 
 
 def record(solution: Solution) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from pkmsea.study.points import Points, levels, points_of
 from pkmsea.study.pool import unordered
 from pkmsea.study.search import Searcher
 from pkmsea.study.study import Search, Study, load_study
-from pkmsea.study.table import DONE, FAILED, HIDDEN, NAME, VERIFIED, Table, best, last_but_one, rank, records
+from pkmsea.study.table import DONE, FAILED, HIDDEN, NAME, VERIFIED, Table, best, first_claim, rank, records
 from pkmsea.study.tasks import check, task_at
 
 OPTIMUM = -1  # the point that stands for the task as it says itself
@@ -175,14 +175,13 @@ class _Run:
             self._add(failure(key, values or {}, str(error)))
             return None
         rows = [row for i in near if (row := self._best(case, setup, i, turn or 1))]
-        samples, known = last_but_one(own) if own else (min((last_but_one(row)[0] for row in rows), default=0), None)
         file = None
         if self.study.results == "all" and point != OPTIMUM:
             file = str(self.out / "results" / file_name(case) / file_name(setup) / f"{point}_{turn}.nc")
         origin = str(task.file.resolve()) if task.file else None
         return Job(
             key, values or {}, task.model_dump_json(), origin, tuple(row["motion"] for row in rows), indices,
-            samples, known, self.study.cases[case].calibrate, file,
+            first_claim(own) if own else None, self.study.cases[case].calibrate, file,
         )  # fmt: skip
 
     def _finish(self, jobs: Iterable[Job | None]) -> None:
