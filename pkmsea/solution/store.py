@@ -25,7 +25,7 @@ from pkmsea.solution.solution import Mesh, Solution
 from pkmsea.solver import Outcome, Start
 from pkmsea.task import Fourier, Spline, Task
 from pkmsea.transcription import Motion
-from pkmsea.transcription.bases import Basis, FourierBasis, SplineBasis, make_basis
+from pkmsea.transcription.bases import Basis, make_basis
 
 FORMAT = "pkmsea result 1"
 POINTS = 1000  # of the stored series, per period, at least
@@ -35,7 +35,7 @@ PACKAGES = ("pkmsea", "casadi", "pin", "numpy")
 
 def to_dataset(solution: Solution) -> xr.Dataset:
     """The labelled time series of a solution, with its record as attributes."""
-    problem, audit = solution.problem, solution.audit()
+    problem, audit, optimality = solution.problem, solution.audit(), solution.optimality()
     actuation, mechanism = problem.actuation, problem.actuation.mechanism
     s = series(problem, solution.motion, max(POINTS, PER_COEFFICIENT * solution.motion.basis.size))
     revolute = mechanism.revolute
@@ -80,11 +80,13 @@ def to_dataset(solution: Solution) -> xr.Dataset:
         "setup": problem.setup.name,
         "task": problem.task.model_dump_json(),
         "task_file": str(problem.task.file.resolve()) if problem.task.file else "",
-        "basis": json.dumps(_basis_record(solution.motion)),
+        "basis": solution.motion.basis.trajectory.model_dump_json(),
         "energy_true": audit.energy,
         "energy_claimed": solution.claimed,
         "status": solution.status,
         "audit": json.dumps(asdict(audit)),
+        "optimality": json.dumps(optimality and asdict(optimality)),
+        "optima": json.dumps([asdict(optimum) for optimum in solution.optima]),
         "starts": json.dumps([_start_record(start) for start in solution.starts]),
         "meshes": json.dumps([asdict(mesh) for mesh in solution.meshes]),
         "seconds": solution.seconds,
@@ -159,7 +161,10 @@ def load(path: str | Path) -> Solution:
         motion = Motion(basis, dataset["flat_output"].values.copy(), dataset["stiffness"].values.copy(), parallel)
         starts = tuple(_start(r) for r in json.loads(record["starts"]))
         meshes = tuple(Mesh(**r) for r in json.loads(record["meshes"]))
-        return Solution(problem, motion, float(record["energy_claimed"]), starts, meshes, float(record["seconds"]))
+        return Solution(
+            problem, motion, float(record["energy_claimed"]), starts, meshes, float(record["seconds"]),
+            stated=float(record["energy_true"]),
+        )  # fmt: skip
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error
 
@@ -168,7 +173,7 @@ def motion_record(motion: Motion) -> dict[str, Any]:
     """A motion as plain data; `motion_of` reads it."""
     arrays = {"coefficients": motion.coefficients, "stiffness": motion.stiffness, "parallel": motion.parallel}
     plain = {name: x.astype(object).tolist() for name, x in arrays.items()}
-    return {"basis": _basis_record(motion), "period": motion.basis.period, **plain}
+    return {"basis": motion.basis.trajectory.model_dump(), "period": motion.basis.period, **plain}
 
 
 def motion_of(record: dict[str, Any]) -> Motion:
@@ -180,14 +185,6 @@ def motion_of(record: dict[str, Any]) -> Motion:
 def _basis(trajectory: dict[str, Any], period: float) -> Basis:
     kind: type[Fourier] | type[Spline] = Fourier if trajectory["kind"] == "fourier" else Spline
     return make_basis(kind.model_validate(trajectory), period)
-
-
-def _basis_record(motion: Motion) -> dict[str, Any]:
-    basis = motion.basis
-    if isinstance(basis, FourierBasis):
-        return {"kind": "fourier", "order": basis.order}
-    assert isinstance(basis, SplineBasis)
-    return {"kind": "spline", "knots": basis.knots, "degree": basis.degree}
 
 
 def _start_record(start: Start) -> dict[str, Any]:
