@@ -16,7 +16,6 @@ from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Optimality, Optimum, Start, optima
 from pkmsea.transcription import Motion
 
-
 STATED = 1e-6  # difference of a file's energy from the recomputed one, relative like the audit's gap
 
 
