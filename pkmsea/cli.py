@@ -88,7 +88,7 @@ def solve(
     from pkmsea import solution, views
     from pkmsea.errors import SolveError
     from pkmsea.task import load_task
-    from pkmsea.views import tables
+    from pkmsea.views import records, tables
     from pkmsea.views.output import save_all
 
     loaded = load_task(task)
@@ -96,7 +96,7 @@ def solve(
         loaded = loaded.with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
     solved: list[solution.Solution] = []
-    failures: list[SolveError] = []
+    failures: dict[str, SolveError] = {}
     written: list[Path] = []
     with tables.progress(quiet=json_) as report:
         for name in names:
@@ -104,24 +104,21 @@ def solve(
             try:
                 found = solution.solve(loaded, name, workers=workers, progress=report(name, count))
             except SolveError as error:
-                failures.append(error)
+                failures[name] = error
                 continue
             solved.append(found)
             if out is not None:
                 written.append(found.save(out / f"{views.file_name(name)}.nc"))
             if found.interrupted:
                 break
-    reference = next((s.energy for s in solved if s.name == names[0]), None)
+    reference = next((s for s in solved if s.name == names[0]), None)
     if json_:
-        _emit([tables.solution_record(s, reference) for s in solved])
+        _emit(records.solutions(solved, reference, failures))
     elif solved:
-        tables.print_solutions(solved, reference)
+        tables.print_solutions(solved, reference, failures)
     if solved and out is not None:
-        _tell(written + save_all(solved, out), json_)
-    for failure in failures[:-1]:
-        _print_error(failure)
-    if failures:
-        raise failures[-1]
+        _tell(written + save_all(solved, out, list(failures)), json_)
+    _fail_if(failures)
     _stop_if(bool(solved) and solved[-1].interrupted)
 
 
@@ -137,12 +134,14 @@ def reproduce(
 ) -> None:
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
     from pkmsea import views
+    from pkmsea.errors import SolveError
     from pkmsea.paper.reproduce import TABLES, Row, paper_task
     from pkmsea.paper.reproduce import reproduce as rows_of
-    from pkmsea.views import tables
+    from pkmsea.views import records, tables
     from pkmsea.views.output import save_all
 
     rows: list[Row] = []
+    failures: dict[tuple[int, str], SolveError] = {}
     written: list[Path] = []
     chosen = sorted(set(table)) if table else TABLES
     with tables.progress(quiet=json_) as report:
@@ -151,7 +150,10 @@ def reproduce(
             count = starts or paper_task(number).options.starts
             report(f"table {number}, {name}", count)(start)
 
-        for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts):
+        def fail(number: int, name: str, error: SolveError) -> None:
+            failures[number, name] = error
+
+        for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts, failed=fail):
             rows.append(row)
             if out is not None:
                 path = out / f"table_{row.table}" / f"{views.file_name(row.setup)}.nc"
@@ -159,14 +161,16 @@ def reproduce(
             if row.solution.interrupted:
                 break
     if json_:
-        _emit([row.record() for row in rows])
+        _emit(records.rows(rows, failures))
     else:
-        tables.print_rows(rows)
+        tables.print_rows(rows, failures)
     if out is not None:
         _tell(written, json_)
         for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
-            _tell(save_all(of_table, out / f"table_{number}"), json_)
+            missing = [name for n, name in failures if n == number]
+            _tell(save_all(of_table, out / f"table_{number}", missing), json_)
+    _fail_if(failures)
     _stop_if(bool(rows) and rows[-1].solution.interrupted)
 
 
@@ -179,22 +183,21 @@ def verify(
     from pkmsea.errors import SolveError
     from pkmsea.verification import Verification
     from pkmsea.verification import verify as verification_of
-    from pkmsea.views import tables
+    from pkmsea.views import records, tables
 
     found: dict[str, Verification] = {}
-    failures: list[SolveError] = []
+    failures: dict[str, SolveError] = {}
     for file in result:
         try:
             found[str(file)] = verification_of(file)
         except SolveError as error:
-            failures.append(error)
+            failures[str(file)] = error
     if json_:
-        _emit([tables.verification_record(name, v) for name, v in found.items()])
+        _emit(records.verifications(found, failures))
     elif found:
-        tables.print_verifications(found)
-    for failure in failures:
-        _print_error(failure)
-    if failures or not all(v.verified for v in found.values()):
+        tables.print_verifications(found, failures)
+    _fail_if(failures)
+    if not all(v.verified for v in found.values()):
         raise typer.Exit(1)
 
 
@@ -239,6 +242,7 @@ def play(
     from pkmsea.views import playback
 
     solution = load(result)
+    typer.echo(f"{solution.name}: {solution.energy:.4g} J, {solution.status}")
     if html is not None:
         typer.echo(f"wrote {playback.write_page(solution, html)}")
         return
@@ -265,6 +269,13 @@ def _emit(record: Any) -> None:
 def _stop_if(interrupted: bool) -> None:
     if interrupted:
         raise KeyboardInterrupt
+
+
+def _fail_if(failures: dict[Any, Any]) -> None:
+    for failure in failures.values():
+        _print_error(failure)
+    if failures:
+        raise typer.Exit(1)
 
 
 def _tell(paths: list[Path], quiet: bool) -> None:
