@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 from scipy import sparse
-from scipy.linalg import eigh, qr
+from scipy.linalg import eigh, eigvalsh, qr, solve
 from scipy.optimize import nnls
 
 from pkmsea.solver.ipopt import excess
@@ -27,7 +27,7 @@ NEAR = 1e-3  # of the distance between its bounds (of a single bound: of its siz
 ACTIVE = 1e-6  # likewise: blocks a direction
 STRONG = 1e-6  # of the largest multiplier: what is less counts as zero
 RANK = 1e-10  # of the largest row: what is less counts as dependent
-SAVING = 1e-8  # of the energy: what is less is rounding
+SAVING = 1e-7  # of the energy: what is less is rounding; a stiffness off by 1 % costs 6e-6 and more
 MEAN_MULTIPLIER = 100.0  # IPOPT's s_max: residuals are divided by the mean multiplier where that is larger
 STATIONARY = 1e-4  # largest residual of a solution; of the paper's setups 3e-6, see examples/guides/verify.md
 BLUR = 0.25  # the last step's parameter is known within this factor, as ln
@@ -119,7 +119,7 @@ def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Opt
     on_g = np.bincount(sides.constraint, sides.sign * multipliers, nlp.g_lower.size + x.size)[: nlp.g_lower.size]
     hessian = np.array(ca.triu2symm(ca.DM(functions["hess_lag"](scaled, p, 1.0, on_g * unit)))) / unit
     strong = sides.equation | (multipliers > STRONG * multipliers.max(initial=0.0))
-    values, along, zero = _reduced(hessian, residual, sides.normals[strong])
+    values, saving, zero = _reduced(hessian, residual, sides.normals[strong])
     negative, kind = int((values < -zero).sum()), "minimum"
     if negative:
         blocked = _reduced(hessian, residual, sides.normals[strong | sides.active])[0]
@@ -131,7 +131,7 @@ def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Opt
         stationarity=float(np.abs(residual).max()) / mean,
         infeasibility=violation,
         complementarity=float(np.abs(multipliers * sides.slack).max(initial=0.0)) / mean,
-        saving=float((along**2 / np.maximum(np.abs(values), zero)).sum() / 2),
+        saving=saving,
         curvature=float(values.min()) if values.size else None,
         negative=negative,
         kind=kind,
@@ -212,16 +212,20 @@ def _sides(nlp: Nlp, scaled: np.ndarray, p: np.ndarray, functions: dict[str, ca.
     return excess(values, lower, upper), Sides(rows, slacks, signs, constraint, active, equation)
 
 
-def _reduced(hessian: np.ndarray, residual: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """On the null space of the normals: eigenvalues of the Hessian, grad L along its eigenvectors, rounding."""
+def _reduced(hessian: np.ndarray, residual: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """On the null space of the normals: eigenvalues of the Hessian, what a Newton step saves, and rounding."""
     if normals.size:
         Q, R, _ = qr(normals.T, pivoting=True)
         diagonal = np.abs(np.diag(R))
         Z = Q[:, int((diagonal > RANK * diagonal[0]).sum()) :]
     else:
         Z = np.eye(hessian.shape[0])
-    zero = hessian.shape[0] * np.finfo(float).eps * max(float(np.abs(hessian).max()), np.finfo(float).tiny)
+    zero = hessian.shape[0] * np.finfo(float).eps * max(float(np.abs(hessian).max()), np.finfo(float).eps)
     if not Z.shape[1]:
-        return np.zeros(0), np.zeros(0), zero
-    values, vectors = eigh(Z.T @ hessian @ Z)
-    return values, vectors.T @ (Z.T @ residual), zero
+        return np.zeros(0), 0.0, zero
+    along, curved = Z.T @ residual, Z.T @ hessian @ Z
+    values = eigvalsh(curved)
+    if values[0] > zero:
+        return values, float(along @ solve(curved, along, assume_a="pos") / 2), zero
+    values, vectors = eigh(curved)
+    return values, float(((vectors.T @ along) ** 2 / np.maximum(np.abs(values), zero)).sum() / 2), zero
