@@ -105,6 +105,8 @@ def solve(
                 found = solution.solve(loaded, name, workers=workers, progress=report(name, count))
             except SolveError as error:
                 failures[name] = error
+                if out is not None and (old := out / f"{views.file_name(name)}.nc").exists():
+                    typer.echo(f"{old} is of an earlier run; '{name}' has failed now", err=True)
                 continue
             solved.append(found)
             if out is not None:
