@@ -91,9 +91,7 @@ def solve(
     from pkmsea.views import records, tables
     from pkmsea.views.output import save_all
 
-    loaded = load_task(task)
-    if starts is not None:
-        loaded = loaded.with_starts(starts)
+    loaded = load_task(task) if starts is None else load_task(task).with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
     solved: list[solution.Solution] = []
     failures: dict[str, SolveError] = {}
@@ -120,8 +118,7 @@ def solve(
         tables.print_solutions(solved, reference, failures)
     if solved and out is not None:
         _tell(written + save_all(solved, out, list(failures)), json_)
-    _fail_if(failures)
-    _stop_if(bool(solved) and solved[-1].interrupted)
+    _end(failures, interrupted=bool(solved) and solved[-1].interrupted)
 
 
 @app.command()
@@ -143,8 +140,8 @@ def reproduce(
     from pkmsea.views.output import save_all
 
     rows: list[Row] = []
-    failures: dict[tuple[int, str], SolveError] = {}
     written: list[Path] = []
+    failures: dict[tuple[int, str], SolveError] = {}
     chosen = sorted(set(table)) if table else TABLES
     with tables.progress(quiet=json_) as report:
 
@@ -152,8 +149,8 @@ def reproduce(
             count = starts or paper_task(number).options.starts
             report(f"table {number}, {name}", count)(start)
 
-        def fail(number: int, name: str, error: SolveError) -> None:
-            failures[number, name] = error
+        def fail(*what: Any) -> None:
+            failures[what[:2]] = what[2]
 
         for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts, failed=fail):
             rows.append(row)
@@ -170,10 +167,8 @@ def reproduce(
         _tell(written, json_)
         for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
-            missing = [name for n, name in failures if n == number]
-            _tell(save_all(of_table, out / f"table_{number}", missing), json_)
-    _fail_if(failures)
-    _stop_if(bool(rows) and rows[-1].solution.interrupted)
+            _tell(save_all(of_table, out / f"table_{number}", [name for n, name in failures if n == number]), json_)
+    _end(failures, interrupted=bool(rows) and rows[-1].solution.interrupted)
 
 
 @app.command()
@@ -198,9 +193,7 @@ def verify(
         _emit(records.verifications(found, failures))
     elif found:
         tables.print_verifications(found, failures)
-    _fail_if(failures)
-    if not all(v.verified for v in found.values()):
-        raise typer.Exit(1)
+    _end(failures, unverified=not all(v.verified for v in found.values()))
 
 
 @app.command()
@@ -268,15 +261,12 @@ def _emit(record: Any) -> None:
     typer.echo(json.dumps(record, indent=2, allow_nan=False))
 
 
-def _stop_if(interrupted: bool) -> None:
-    if interrupted:
-        raise KeyboardInterrupt
-
-
-def _fail_if(failures: dict[Any, Any]) -> None:
+def _end(failures: dict[Any, Any], interrupted: bool = False, unverified: bool = False) -> None:
     for failure in failures.values():
         _print_error(failure)
-    if failures:
+    if interrupted:
+        raise KeyboardInterrupt
+    if failures or unverified:
         raise typer.Exit(1)
 
 
