@@ -178,6 +178,8 @@ def test_optima_are_counted() -> None:
     ]
     found = [(optimum.energy, optimum.count, optimum.finished) for optimum in optima(starts)]
     assert found == [(1.0, 4, True), (1.1, 2, False), (1.2, 1, True)]
+    from_a_neighbour = start(0, 0.9, 0.1, finished=True)  # its index is one of the others'
+    assert sum(optimum.count for optimum in optima([from_a_neighbour, *starts])) == len(starts)
 
 
 def test_every_start_is_counted(solved: Solution) -> None:

@@ -38,6 +38,6 @@ def optima(starts: Iterable[Start]) -> tuple[Optimum, ...]:
     for finished in (True, False):
         leaders = [start for start in starts if start.repeats is None and start.finished is finished]
         for group in clusters(leaders):
-            count = len(group) + sum(repeated[start.index] for start in group)
+            count = len(group) + sum(repeated.pop(start.index, 0) for start in group)
             found.append(Optimum(group[0].energy, group[0].stiffness, count, finished))
     return tuple(sorted(found, key=lambda optimum: optimum.energy))
