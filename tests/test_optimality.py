@@ -108,6 +108,13 @@ def test_a_force_of_the_wrong_sign_is_not_stationary() -> None:
     assert optimality(nlp(-x, x, x, [(-np.inf, 0.0)]), np.zeros(1), P).curvature is None
 
 
+def test_the_active_constraint_bears_the_force() -> None:
+    """Not the one beside it that points the same way."""
+    x = ca.MX.sym("x", 1)
+    found = optimality(nlp(-x, ca.vertcat(x, x), x, [(-np.inf, 5e-4), (-np.inf, 0.0)]), np.zeros(1), P)
+    assert found.error < EXACT
+
+
 @pytest.fixture(scope="module")
 def solved() -> Solution:
     return solve(task("pkm_2rrr", ELASTIC | HEAVY, options={"starts": 3}), workers=1)
