@@ -22,7 +22,7 @@ SCREENING, SHARPENING, LAST = slice(0, 2), slice(2, None), slice(-1, None)  # of
 CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that need more end badly
 FINISHED = 4  # starts at least that go on
 AGREEING = 8  # starts that find one optimum between them are enough
-GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace
+GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
 Progress = Callable[["Start"], None]
 T = TypeVar("T")
