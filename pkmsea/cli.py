@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -86,7 +87,9 @@ def solve(
 ) -> None:
     """Solve a task: every setup that it lists, side by side."""
     from pkmsea import solution, views
-    from pkmsea.errors import SolveError
+    from pkmsea.errors import PkmseaError, SolveError
+    from pkmsea.files import check_writable
+    from pkmsea.problem import build_problem
     from pkmsea.task import load_task
     from pkmsea.views import tables
     from pkmsea.views.output import save_all
@@ -95,34 +98,36 @@ def solve(
     if starts is not None:
         loaded = loaded.with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
+    for name in names:
+        build_problem(loaded, name)  # bad input of any setup is told before the first is solved
+    if out is not None:
+        check_writable(out)
     solved: list[solution.Solution] = []
-    failures: list[SolveError] = []
+    failures: list[PkmseaError | KeyboardInterrupt] = []
     written: list[Path] = []
     with tables.progress(quiet=json_) as report:
         for name in names:
             count = (loaded.setup(name).options or loaded.options).starts
             try:
-                found = solution.solve(loaded, name, workers=workers, progress=report(name, count))
-            except SolveError as error:
+                solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
+                if out is not None:
+                    written.append(solved[-1].save(out / f"{views.file_name(loaded, name)}.nc"))
+                _stop_if(solved[-1].interrupted)
+            except (PkmseaError, KeyboardInterrupt) as error:
                 failures.append(error)
-                continue
-            solved.append(found)
-            if out is not None:
-                written.append(found.save(out / f"{views.file_name(name)}.nc"))
-            if found.interrupted:
-                break
+                if not isinstance(error, SolveError):
+                    break
     reference = next((s.energy for s in solved if s.name == names[0]), None)
     if json_:
         _emit([tables.solution_record(s, reference) for s in solved])
     elif solved:
         tables.print_solutions(solved, reference)
-    if solved and out is not None:
-        _tell(written + save_all(solved, out), json_)
     for failure in failures[:-1]:
         _print_error(failure)
+    if solved and out is not None:
+        _tell(written + save_all(solved, out), json_)
     if failures:
         raise failures[-1]
-    _stop_if(bool(solved) and solved[-1].interrupted)
 
 
 @app.command()
@@ -137,12 +142,17 @@ def reproduce(
 ) -> None:
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
     from pkmsea import views
+    from pkmsea.errors import PkmseaError
+    from pkmsea.files import check_writable
     from pkmsea.paper.reproduce import TABLES, Row, paper_task
     from pkmsea.paper.reproduce import reproduce as rows_of
     from pkmsea.views import tables
     from pkmsea.views.output import save_all
 
+    if out is not None:
+        check_writable(out)
     rows: list[Row] = []
+    stopped: PkmseaError | KeyboardInterrupt | None = None
     written: list[Path] = []
     chosen = sorted(set(table)) if table else TABLES
     with tables.progress(quiet=json_) as report:
@@ -151,13 +161,15 @@ def reproduce(
             count = starts or paper_task(number).options.starts
             report(f"table {number}, {name}", count)(start)
 
-        for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts):
-            rows.append(row)
-            if out is not None:
-                path = out / f"table_{row.table}" / f"{views.file_name(row.setup)}.nc"
-                written.append(row.solution.save(path))
-            if row.solution.interrupted:
-                break
+        try:
+            for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts):
+                rows.append(row)
+                if out is not None:
+                    name = views.file_name(row.solution.problem.task, row.setup)
+                    written.append(row.solution.save(out / f"table_{row.table}" / f"{name}.nc"))
+                _stop_if(row.solution.interrupted)
+        except (PkmseaError, KeyboardInterrupt) as error:
+            stopped = error
     if json_:
         _emit([row.record() for row in rows])
     else:
@@ -167,7 +179,8 @@ def reproduce(
         for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
             _tell(save_all(of_table, out / f"table_{number}"), json_)
-    _stop_if(bool(rows) and rows[-1].solution.interrupted)
+    if stopped:
+        raise stopped
 
 
 @app.command()
@@ -260,6 +273,7 @@ def main() -> None:
     """Run the command line; errors of pkmsea become one paragraph and an exit code, without a traceback."""
     from pkmsea.errors import PkmseaError
 
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
     try:
         app()
     except PkmseaError as error:

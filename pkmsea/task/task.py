@@ -9,7 +9,7 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from pkmsea.actuation.drive import Drive
 from pkmsea.errors import InputError, NameNotFound
-from pkmsea.files import Record, read
+from pkmsea.files import Name, Record, read
 from pkmsea.task.cycle import Cycle, Limits
 from pkmsea.task.payload import Payload, PayloadMass
 
@@ -65,7 +65,7 @@ class Options(Record):
 class Setup(Record):
     """A mechanism with its drives, to perform the task's cycle."""
 
-    name: str = Field(min_length=1, max_length=200)
+    name: Name
     mechanism: str = Field(description="folder, relative to the task file, or a mechanism that pkmsea ships")
     drives: tuple[Drive, ...] = Field(min_length=1, description="one for all, or one per actuated joint")
     options: Options | None = None
@@ -86,7 +86,7 @@ class TaskLimits(Record):
 class Task(Record):
     """A pick-and-place cycle, its limits, and one or more setups to compare; the first one is the reference."""
 
-    name: str = Field(min_length=1, max_length=200)
+    name: Name
     cycle: Cycle
     limits: TaskLimits = TaskLimits()
     payload: Payload | None = Field(None, description="what the end effector carries")

@@ -14,4 +14,5 @@ from pkmsea.views.playback import write_page
 def save_all(solutions: Sequence[Solution], folder: Path) -> list[Path]:
     """Write one figure of all setups and a playback page per setup; returns the paths."""
     paths = [save_figure(overview(solutions), folder / "overview.png")]
-    return paths + [write_page(solution, folder / f"{file_name(solution.name)}.html") for solution in solutions]
+    names = [file_name(solution.problem.task, solution.name) for solution in solutions]
+    return paths + [write_page(s, folder / f"{name}.html") for s, name in zip(solutions, names, strict=True)]
