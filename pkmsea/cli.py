@@ -26,6 +26,7 @@ Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Processes
 
 
 INTERRUPTED = 130  # how typer ends on Ctrl-C
+signals: list[int] = []  # that came; a library that is being imported may swallow the exception
 
 
 class Kind(StrEnum):
@@ -109,6 +110,7 @@ def solve(
         for name in names:
             count = (loaded.setup(name).options or loaded.options).starts
             try:
+                _stop_if(False)
                 solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
                 if out is not None:
                     written.append(solved[-1].save(out / f"{views.file_name(loaded, name)}.nc"))
@@ -259,8 +261,13 @@ def _emit(record: Any) -> None:
 
 
 def _stop_if(interrupted: bool) -> None:
-    if interrupted:
+    if interrupted or signals:
         raise KeyboardInterrupt
+
+
+def _stop(number: int, frame: Any) -> None:
+    signals.append(number)
+    raise KeyboardInterrupt
 
 
 def _tell(paths: list[Path], quiet: bool) -> None:
@@ -273,14 +280,16 @@ def main() -> None:
     """Run the command line; errors of pkmsea become one paragraph and an exit code, without a traceback."""
     from pkmsea.errors import PkmseaError
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored: a job in the background
+        signal.signal(signal.SIGINT, _stop)
+    signal.signal(signal.SIGTERM, _stop)
     try:
         app()
     except PkmseaError as error:
         _print_error(error)
         sys.exit(error.exit_code)
-    except SystemExit as stop:
-        if stop.code != INTERRUPTED:
+    except (SystemExit, Exception) as stop:
+        if not signals or (isinstance(stop, SystemExit) and stop.code != INTERRUPTED):
             raise
         typer.echo("pkmsea: stopped; what was finished is printed, and saved where -o was given", err=True)
         sys.exit(1)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,6 +28,7 @@ AGREEING = 8  # starts that find one optimum between them are enough
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace
 
 POOLS = 2  # of processes: a second one where the first one breaks
+WATCH = 0.5  # [s] between a worker's looks at its parent
 
 Progress = Callable[["Start"], None]
 Key = tuple[str, str | None, str]  # task as JSON, its file, name of the setup
@@ -205,7 +207,9 @@ def _on_processes(jobs: int, key: Key, calls: list[tuple[Callable[..., T], Any]]
     for _ in range(POOLS):
         pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
         try:
-            for number, result in pool(delayed(_remote)(key, number, *call) for number, call in [*left.items()]):
+            for number, result in pool(
+                delayed(_remote)(os.getpid(), key, number, *call) for number, call in [*left.items()]
+            ):
                 del left[number]
                 yield result
             return
@@ -222,8 +226,21 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _remote(key: Key, number: int, function: Callable[..., T], argument: Any) -> tuple[int, T]:
+def _remote(parent: int, key: Key, number: int, function: Callable[..., T], argument: Any) -> tuple[int, T]:
+    _end_with(parent)
     return number, function(_cached(*key), argument)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """Let this process end when its parent has: one that was killed cannot tell it to."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @lru_cache(maxsize=4)
