@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from pkmsea import stopping
 
 app = typer.Typer(
     name="pkmsea",
@@ -26,7 +27,6 @@ Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Processes
 
 
 INTERRUPTED = 130  # how typer ends on Ctrl-C
-signals: list[int] = []  # that came; a library that is being imported may swallow the exception
 
 
 class Kind(StrEnum):
@@ -110,11 +110,11 @@ def solve(
         for name in names:
             count = (loaded.setup(name).options or loaded.options).starts
             try:
-                _stop_if(False)
+                stopping.stop_if()
                 solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
                 if out is not None:
                     written.append(solved[-1].save(out / f"{views.file_name(loaded, name)}.nc"))
-                _stop_if(solved[-1].interrupted)
+                stopping.stop_if(solved[-1].interrupted)
             except (PkmseaError, KeyboardInterrupt) as error:
                 failures.append(error)
                 if not isinstance(error, SolveError):
@@ -169,7 +169,7 @@ def reproduce(
                 if out is not None:
                     name = views.file_name(row.solution.problem.task, row.setup)
                     written.append(row.solution.save(out / f"table_{row.table}" / f"{name}.nc"))
-                _stop_if(row.solution.interrupted)
+                stopping.stop_if(row.solution.interrupted)
         except (PkmseaError, KeyboardInterrupt) as error:
             stopped = error
     if json_:
@@ -260,16 +260,6 @@ def _emit(record: Any) -> None:
     typer.echo(json.dumps(record, indent=2, allow_nan=False))
 
 
-def _stop_if(interrupted: bool) -> None:
-    if interrupted or signals:
-        raise KeyboardInterrupt
-
-
-def _stop(number: int, frame: Any) -> None:
-    signals.append(number)
-    raise KeyboardInterrupt
-
-
 def _tell(paths: list[Path], quiet: bool) -> None:
     for path in paths:
         if not quiet:
@@ -280,16 +270,14 @@ def main() -> None:
     """Run the command line; errors of pkmsea become one paragraph and an exit code, without a traceback."""
     from pkmsea.errors import PkmseaError
 
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored: a job in the background
-        signal.signal(signal.SIGINT, _stop)
-    signal.signal(signal.SIGTERM, _stop)
+    stopping.listen()
     try:
         app()
     except PkmseaError as error:
         _print_error(error)
         sys.exit(error.exit_code)
     except (SystemExit, Exception) as stop:
-        if not signals or (isinstance(stop, SystemExit) and stop.code != INTERRUPTED):
+        if not stopping.signals or (isinstance(stop, SystemExit) and stop.code != INTERRUPTED):
             raise
         typer.echo("pkmsea: stopped; what was finished is printed, and saved where -o was given", err=True)
         sys.exit(1)
