@@ -87,6 +87,7 @@ def solve(
     json_: Json = False,
 ) -> None:
     """Solve a task: every setup that it lists, side by side."""
+    stopping.hold()
     from pkmsea import solution, views
     from pkmsea.errors import PkmseaError, SolveError
     from pkmsea.files import check_writable
@@ -110,8 +111,8 @@ def solve(
         for name in names:
             count = (loaded.setup(name).options or loaded.options).starts
             try:
-                stopping.stop_if()
-                solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
+                with stopping.interruptible():
+                    solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
                 if out is not None:
                     written.append(solved[-1].save(out / f"{views.file_name(loaded, name)}.nc"))
                 stopping.stop_if(solved[-1].interrupted)
@@ -143,6 +144,7 @@ def reproduce(
     json_: Json = False,
 ) -> None:
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
+    stopping.hold()
     from pkmsea import views
     from pkmsea.errors import PkmseaError
     from pkmsea.files import check_writable
@@ -164,7 +166,8 @@ def reproduce(
             report(f"table {number}, {name}", count)(start)
 
         try:
-            for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts):
+            found = rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts)
+            for row in stopping.each(found):
                 rows.append(row)
                 if out is not None:
                     name = views.file_name(row.solution.problem.task, row.setup)
