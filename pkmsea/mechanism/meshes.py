@@ -67,8 +67,8 @@ def _candidates(name: str, folder: Path) -> Iterator[tuple[Path, str]]:
         return
     if parts.scheme == "package":
         package, rest = parts.netloc, rest.lstrip("/")
-        if package:
-            yield folder / package, rest
+        if package not in ("", ".", ".."):
+            yield folder, f"{package}/{rest}"
             yield from ((parent, rest) for parent in folder.resolve().parents if parent.name == package)
             yield from ((Path(p) / package, rest) for p in os.environ.get(PATH, "").split(os.pathsep) if p)
         yield folder, rest
