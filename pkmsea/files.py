@@ -69,17 +69,24 @@ class _Loader(yaml.SafeLoader):
 
 def read_yaml(path: Path) -> Any:
     """The content of a YAML file as plain Python data."""
-    if not path.is_file():
+    if not is_file(path):
         raise InputError("The file does not exist.", "Check the path.", file=path)
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"The file is larger than {MAX_BYTES} bytes.", "Give a mechanism or task file.", file=path)
     try:
         return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise InputError(f"The file cannot be read ({error.strerror}).", "Check its rights.", file=path) from error
     except UnicodeDecodeError as error:
         raise InputError(f"The file is not UTF-8 text ({error.reason}).", "Save it as UTF-8.", file=path) from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         cause = " ".join(str(error).split())
         raise InputError(f"The file is not valid YAML: {cause}.", "Mend that line.", file=path) from error
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file; False for a name that is too long, where pathlib 3.11 raises like its `exists`."""
+    return os.path.isfile(path)
 
 
 def parse(kind: type[R], data: Any, file: Path | str | None) -> R:

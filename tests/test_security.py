@@ -3,11 +3,10 @@ names."""
 
 from __future__ import annotations
 
+import contextlib
 import json
-import os
 import pickle
 import re
-import shutil
 import socket
 from html.parser import HTMLParser
 from pathlib import Path
@@ -28,7 +27,7 @@ from pkmsea.mechanism import load_mechanism, meshes
 from pkmsea.problem import build_problem
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load
-from pkmsea.task import Task
+from pkmsea.task import Task, load_task
 from pkmsea.transcription import compiled
 from pkmsea.views import file_name
 from pkmsea.views.figures import overview, save_figure
@@ -115,8 +114,8 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Solution:
     keys = five_bar.sidecar(five_bar.Variant(names=names)) | {"closures": [{"frames": ["tip_1", "tip_2"]}]}
     robot = five_bar.write(folder / "$(touch canary)", "robot.urdf", five_bar.urdf(variant), keys)
     setups = [{"name": HOSTILE[8], "mechanism": str(robot), "drives": RIGID}]
-    os.chdir(folder)
-    return solve(task("pkm_2rrr", RIGID, name=HOSTILE[0] + HOSTILE[8], setups=setups, options=QUICK), workers=1)
+    with contextlib.chdir(folder):
+        return solve(task("pkm_2rrr", RIGID, name=HOSTILE[0] + HOSTILE[8], setups=setups, options=QUICK), workers=1)
 
 
 def test_names_are_only_names(solved: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -286,4 +285,11 @@ def test_the_mechanism_of_a_task_is_read_and_never_run(tmp_path: Path) -> None:
     })  # fmt: skip
     with pytest.raises(InputError, match="no mechanism folder"):
         build_problem(data)
-    assert not shutil.which(CANARY) and not (tmp_path / CANARY).exists()
+    assert not (tmp_path / CANARY).exists()
+
+
+@pytest.mark.parametrize("path", ["x" * 300, "x" * 300 + ".yaml", "x" * 300 + ".nc", "a\0b"])
+def test_impossible_paths_are_bad_input(tmp_path: Path, path: str) -> None:
+    for use in (load_mechanism, load_task, load):
+        with pytest.raises(InputError):
+            use(tmp_path / path)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+from pkmsea.files import is_file
 from pkmsea.mechanism.xml import Element
 
 FORMATS = (".stl", ".dae", ".obj")
@@ -42,7 +43,7 @@ def resolve(name: str, folder: Path) -> Path | None:
         if (
             path.suffix.lower() in FORMATS
             and path.is_relative_to(root.resolve())
-            and path.is_file()
+            and is_file(path)
             and path.stat().st_size <= MAX_BYTES
         ):
             return path

@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 
 from pkmsea.actuation import Actuation
 from pkmsea.errors import InputError
-from pkmsea.files import Record, write_whole
+from pkmsea.files import Record, is_file, write_whole
 from pkmsea.problem import build_problem
 from pkmsea.solution.audit import series
 from pkmsea.solution.solution import Mesh, Solution
@@ -112,7 +112,7 @@ def read_dataset(path: str | Path) -> xr.Dataset:
     InputError : the file is missing, damaged, or not a result of pkmsea.
     """
     file = Path(path)
-    if not file.is_file():
+    if not is_file(file):
         raise InputError("There is no such result file.", "Give a file that 'pkmsea solve' wrote.", file=file)
     try:
         _check_container(file)
@@ -121,7 +121,7 @@ def read_dataset(path: str | Path) -> xr.Dataset:
     except Exception as error:
         cause = " ".join(str(error).split())
         raise InputError(f"The result file cannot be read ({cause}).", "Solve the task again.", file=file) from error
-    if not np.all(dataset.attrs.get("format") == FORMAT):
+    if str(dataset.attrs.get("format")) != FORMAT:
         raise InputError("This is not a result of pkmsea.", f"Give a file of format '{FORMAT}'.", file=file)
     return dataset
 

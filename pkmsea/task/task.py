@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -148,7 +149,7 @@ class Task(Record):
     def mechanism_source(self, setup: Setup) -> Path:
         """The setup's mechanism folder, looked up beside the task file first."""
         beside = (self.file.parent if self.file else Path()) / setup.mechanism
-        return beside if beside.exists() else Path(setup.mechanism)
+        return beside if os.path.exists(beside) else Path(setup.mechanism)
 
 
 def load_task(path: str | Path) -> Task:
