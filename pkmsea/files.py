@@ -199,6 +199,6 @@ def _partial(path: Path) -> Iterator[Path]:
             Path(name).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
-            f"The file cannot be written ({error.strerror or error}).", "Choose another output folder with -o.",
+            f"The file cannot be written ({error.strerror or error}).", "Choose another folder, or make room on the disk.",
             file=path,
         ) from error  # fmt: skip

@@ -205,6 +205,14 @@ def test_an_output_that_cannot_be_written_is_told_at_once(
     assert "cannot be written" in str(result.exception) and result.exception.exit_code == 2
 
 
+def test_new_tells_where_it_cannot_write(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    result = CliRunner().invoke(
+        cli.app, ["new", str(tmp_path / "file" / "robot"), "--urdf", str(find("linear_axis_1"))]
+    )
+    assert isinstance(result.exception, InputError) and "cannot be written" in str(result.exception)
+
+
 def test_bad_input_of_a_later_setup_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solution, "solve", lambda *_, **__: pytest.fail("solved first"))
     setups = [*TASK["setups"], {"name": "none", "mechanism": "nowhere", "drives": SLIDER_RIGID}]
