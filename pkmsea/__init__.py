@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pkmsea.mechanism import Mechanism, load_mechanism
     from pkmsea.problem import Problem, build_problem
     from pkmsea.solution import Audit, Solution, solve, solve_all
+    from pkmsea.solution.export import export
     from pkmsea.solution.store import load as load_solution
     from pkmsea.study import calibrate
     from pkmsea.task import Task, load_task
@@ -24,7 +25,7 @@ _WHERE = {
     "Mechanism": "mechanism", "load_mechanism": "mechanism",
     "Problem": "problem", "build_problem": "problem",
     "Audit": "solution", "Solution": "solution", "solve": "solution", "solve_all": "solution",
-    "load_solution": "solution.store:load",
+    "export": "solution.export", "load_solution": "solution.store:load",
     "calibrate": "study",
     "Task": "task", "load_task": "task",
     "Transcription": "transcription", "transcribe": "transcription",
@@ -33,8 +34,8 @@ _WHERE = {
 
 __all__ = [
     "Actuation", "Audit", "Drive", "Mechanism", "PkmseaError", "Problem", "Solution", "Task", "Transcription",
-    "Verification", "build_problem", "calibrate", "flat_map", "load_mechanism", "load_solution", "load_task", "solve",
-    "solve_all", "transcribe", "verify",
+    "Verification", "build_problem", "calibrate", "export", "flat_map", "load_mechanism", "load_solution",
+    "load_task", "solve", "solve_all", "transcribe", "verify",
 ]  # fmt: skip
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pkmsea import stopping
+from pkmsea import ending
 
 app = typer.Typer(
     name="pkmsea",
@@ -24,9 +23,6 @@ app = typer.Typer(
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON.")]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result files, figures and playback pages.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: the cores at hand.")]
-
-
-INTERRUPTED = 130  # how typer ends on Ctrl-C
 
 
 class Kind(StrEnum):
@@ -87,7 +83,7 @@ def solve(
     json_: Json = False,
 ) -> None:
     """Solve a task: every setup that it lists, side by side."""
-    stopping.hold()
+    ending.hold()
     from pkmsea import solution, views
     from pkmsea.errors import PkmseaError, SolveError
     from pkmsea.files import check_writable
@@ -111,11 +107,11 @@ def solve(
         for name in names:
             count = (loaded.setup(name).options or loaded.options).starts
             try:
-                with stopping.interruptible():
+                with ending.interruptible():
                     solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
                 if out is not None:
-                    written.append(solved[-1].save(out / f"{views.file_name(loaded, name)}.nc"))
-                stopping.stop_if(solved[-1].interrupted)
+                    written.append(solved[-1].save(out / f"{views.setup_file(solved[-1])}.nc"))
+                ending.stop_if(solved[-1].interrupted)
             except (PkmseaError, KeyboardInterrupt) as error:
                 failures.append(error)
                 if not isinstance(error, SolveError):
@@ -126,7 +122,7 @@ def solve(
     elif solved:
         tables.print_solutions(solved, reference)
     for failure in failures[:-1]:
-        _print_error(failure)
+        ending.print_error(failure)
     if solved and out is not None:
         _tell(written + save_all(solved, out), json_)
     if failures:
@@ -144,7 +140,7 @@ def reproduce(
     json_: Json = False,
 ) -> None:
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
-    stopping.hold()
+    ending.hold()
     from pkmsea import views
     from pkmsea.errors import PkmseaError
     from pkmsea.files import check_writable
@@ -167,12 +163,12 @@ def reproduce(
 
         try:
             found = rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts)
-            for row in stopping.each(found):
+            for row in ending.each(found):
                 rows.append(row)
                 if out is not None:
-                    name = views.file_name(row.solution.problem.task, row.setup)
-                    written.append(row.solution.save(out / f"table_{row.table}" / f"{name}.nc"))
-                stopping.stop_if(row.solution.interrupted)
+                    path = out / f"table_{row.table}" / f"{views.setup_file(row.solution)}.nc"
+                    written.append(row.solution.save(path))
+                ending.stop_if(row.solution.interrupted)
         except (PkmseaError, KeyboardInterrupt) as error:
             stopped = error
     if json_:
@@ -211,9 +207,26 @@ def verify(
     elif found:
         tables.print_verifications(found)
     for failure in failures:
-        _print_error(failure)
+        ending.print_error(failure)
     if failures or not all(v.verified for v in found.values()):
         raise typer.Exit(1)
+
+
+@app.command()
+def export(
+    result: Annotated[Path, typer.Argument(help="Result file (.nc).")],
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Samples per second; raised until a cycle has a whole number.")
+    ] = 1000.0,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="File: .csv or .nc; default: RESULT.csv.")] = None,
+    unverified: Annotated[bool, typer.Option("--unverified", help="Export a result that is not verified.")] = False,
+) -> None:
+    """Write motor positions, speeds, torques and joint references of one cycle, ready for a drive."""
+    from pkmsea.solution.export import export as write
+
+    path = out or result.with_suffix(".csv")
+    sampling = write(result, path, rate, unverified=unverified)
+    typer.echo(f"wrote {path}: {sampling}")
 
 
 @app.command()
@@ -271,24 +284,4 @@ def _tell(paths: list[Path], quiet: bool) -> None:
 
 def main() -> None:
     """Run the command line; errors of pkmsea become one paragraph and an exit code, without a traceback."""
-    from pkmsea.errors import PkmseaError
-
-    stopping.listen()
-    try:
-        app()
-    except PkmseaError as error:
-        _print_error(error)
-        sys.exit(error.exit_code)
-    except (SystemExit, Exception) as stop:
-        if not stopping.signals or (isinstance(stop, SystemExit) and stop.code != INTERRUPTED):
-            raise
-        typer.echo("pkmsea: stopped; what was finished is printed, and saved where -o was given", err=True)
-        sys.exit(1)
-
-
-def _print_error(error: Any) -> None:
-    from rich.console import Console
-
-    console = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
-    console.print("pkmsea: ", style="bold red", end="")
-    console.print(str(error), markup=False)
+    ending.run(app)

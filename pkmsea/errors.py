@@ -77,3 +77,7 @@ class Infeasible(SolveError):
 
 class NotConverged(SolveError):
     """No start reached an optimum within its limits of time and iterations."""
+
+
+class Unverified(SolveError):
+    """A result that is not verified was to be passed on as if it were."""

@@ -5,9 +5,12 @@ from __future__ import annotations
 import contextlib
 import glob
 import os
+import re
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+import unicodedata
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
@@ -18,6 +21,7 @@ from pkmsea.errors import InputError
 
 MAX_BYTES = 1_000_000  # a mechanism or task file has a few kB; more is not one of ours
 MAX_DEPTH = 20  # lists and mappings inside each other; a task file has 7
+LONGEST = 120  # bytes of a file name without suffix; file systems allow 255 of the whole
 PARTIAL = ".part"  # suffix of files that are being written; nothing reads them
 LEFT_OVER = 3600.0  # [s] after which a partial file is that of a killed process: none takes that long to write
 
@@ -105,6 +109,22 @@ def parse(kind: type[R], data: Any, file: Path | str | None) -> R:
 def read(kind: type[R], path: Path) -> R:
     """Read a YAML file as one record."""
     return parse(kind, read_yaml(path), path)
+
+
+def file_name(title: str, among: Sequence[str] = ()) -> str:
+    """A safe file name, without suffix, from a title: 'PKM SEA' becomes 'PKM_SEA'.
+
+    Titles that stand `among` others never share one, whatever the case of letters: the second gets '-2', and so on.
+    """
+    taken: set[str] = set()
+    for other in among or (title,):
+        plain = re.sub(r"[^\w.+-]+", "_", unicodedata.normalize("NFKC", other)).strip("._")
+        plain = plain.encode()[:LONGEST].decode(errors="ignore") or "setup"
+        free = next(x for x in chain([plain], (f"{plain}-{i}" for i in count(2))) if x.casefold() not in taken)
+        if other == title:
+            return free
+        taken.add(free.casefold())
+    raise ValueError(f"'{title}' is not among {among}")
 
 
 def _input_error(kind: type[Record], error: ValidationError, data: Any, file: Path | str | None) -> InputError:
@@ -199,6 +219,6 @@ def _partial(path: Path) -> Iterator[Path]:
             Path(name).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
-            f"The file cannot be written ({error.strerror or error}).", "Choose another folder, or make room on the disk.",
-            file=path,
+            f"The file cannot be written ({error.strerror or error}).",
+            "Choose another folder, or make room on the disk.", file=path,
         ) from error  # fmt: skip

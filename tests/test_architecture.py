@@ -6,7 +6,7 @@ from pathlib import Path
 import pkmsea
 
 ORDER = (
-    "errors", "files", "stopping", "bridge", "mechanism", "actuation", "task", "problem", "transcription", "solver",
+    "errors", "files", "ending", "bridge", "mechanism", "actuation", "task", "problem", "transcription", "solver",
     "solution", "verification", "study", "paper", "new", "views", "cli",
 )  # fmt: skip
 ROOT = Path(pkmsea.__file__).parent

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pkmsea.actuation import Actuation
+from pkmsea.actuation import Actuation, Drive
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.mechanism.urdf import find, shipped
@@ -60,6 +60,11 @@ class Problem:
         """Copper loss per squared torque (m,)."""
         return self.actuation.numbers("copper_loss")
 
+    @property
+    def gear_ratios(self) -> tuple[float | None, ...]:
+        """Motor turns per output turn of each drive (m); None where its numbers were given at the output side."""
+        return tuple(drive.gear_ratio for drive in _per_joint(self.setup, self.actuation.m))
+
     @cached_property
     def span(self) -> np.ndarray:
         """Typical size of the motion per axis [m]: the spread of the operating points, at least a tenth of the
@@ -89,7 +94,7 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
         )
     mechanism = _unchanged(source)
     m = len(mechanism.actuated)
-    drives = tuple(drive.at_output() for drive in (setup.drives * m if len(setup.drives) == 1 else setup.drives))
+    drives = tuple(drive.at_output() for drive in _per_joint(setup, m))
     axes = [str(axis) for axis in mechanism.sidecar.end_effector.coordinates]
     if len(task.cycle.points[0].at) != len(axes):
         raise InputError(
@@ -104,6 +109,11 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
         *_drive_bounds(actuation),
     )
     return Problem(task, setup, actuation, bounds)
+
+
+def _per_joint(setup: Setup, m: int) -> tuple[Drive, ...]:
+    """The setup's drives, the only one repeated for all m joints."""
+    return setup.drives * m if len(setup.drives) == 1 else setup.drives
 
 
 def _unchanged(source: Path) -> Mechanism:

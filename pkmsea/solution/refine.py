@@ -11,7 +11,6 @@ from pkmsea.solver import Outcome, Start
 from pkmsea.solver.multistart import SHARPENING, improve
 from pkmsea.transcription import Motion, Transcription
 
-MESHES = 5  # at most, each twice as fine as the one before
 SOFTER = slice(1, None)  # steps of the second try, where sharpening at once fails
 
 
@@ -84,10 +83,11 @@ def refine(transcription: Transcription, start: Start) -> Refined | None:
     None where the start's motion cannot be followed between the grid points. A mesh that cannot be solved ends the
     refinement; what the mesh before it gave is kept.
     """
-    end = time.perf_counter() + transcription.problem.options.time_limit
+    options = transcription.problem.options
+    end = time.perf_counter() + options.time_limit
     found = unrefined(transcription, start)
     finer = transcription.refined()
-    while found is not None and finer is not None and not found.verified and len(found.meshes) < MESHES:
+    while found is not None and finer is not None and not found.verified and len(found.meshes) < options.meshes:
         solved = _solve_from(finer, found, start) if time.perf_counter() < end else None
         if solved is None:
             failed = Mesh(finer.size, finer.samples, Outcome.FAILED.value, None, None, 0, 0.0)

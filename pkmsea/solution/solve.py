@@ -14,7 +14,7 @@ from pkmsea.solution.solution import Solution
 from pkmsea.solver import Outcome, Start, multistart
 from pkmsea.solver.multistart import Progress, collect, distinct, restart, spread
 from pkmsea.task import Task, load_task
-from pkmsea.transcription import transcribe
+from pkmsea.transcription import Transcription, transcribe
 
 REFINED = 4  # best distinct optima that are refined, so that a verified one can be chosen
 NEAR = 0.05  # of the best, relative: those farther away are not refined
@@ -49,6 +49,22 @@ def solve(
         starts, interrupted = multistart(transcription, workers, progress)
     else:
         starts, interrupted = [restart(transcription, near.motion)], False
+    return chosen(transcription, starts, workers=workers, begin=begin, interrupted=interrupted)
+
+
+def chosen(
+    transcription: Transcription,
+    starts: Sequence[Start],
+    *,
+    workers: int | None = None,
+    begin: float,
+    interrupted: bool = False,
+) -> Solution:
+    """Refine the best distinct optima of some starts; the best verified one is the solution. Raises as `solve` does.
+
+    `begin` is when the starts began, by `time.perf_counter`; after an interrupt nothing is refined.
+    """
+    problem = transcription.problem
     finished = [start for start in starts if start.finished]
     candidates = _promising(distinct(finished or starts))
     if not candidates and interrupted:

@@ -27,7 +27,7 @@ from pkmsea.solver import Outcome, Start
 from pkmsea.task import Task
 from pkmsea.task.task import Trajectory
 from pkmsea.transcription import Motion
-from pkmsea.transcription.bases import FourierBasis, SplineBasis, make_basis
+from pkmsea.transcription.bases import Basis, FourierBasis, SplineBasis, make_basis
 
 FORMAT = "pkmsea result 1"
 POINTS = 1000  # of the stored series, per period, at least
@@ -155,7 +155,7 @@ def load(path: str | Path) -> Solution:
         task = Task.model_validate_json(record["task"])
         task._file = Path(record["task_file"]) if record["task_file"] else None
         problem = build_problem(task, record["setup"])
-        basis = make_basis(TypeAdapter(Trajectory).validate_json(record["basis"]), task.cycle.period)
+        basis = _basis(json.loads(record["basis"]), task.cycle.period)
         parallel = np.stack([numbers(dataset, name) for name in ("parallel_stiffness", "parallel_rest")], axis=1)
         motion = Motion(basis, numbers(dataset, "flat_output"), numbers(dataset, "stiffness"), parallel)
         _check_motion(motion, problem.actuation)
@@ -163,7 +163,7 @@ def load(path: str | Path) -> Solution:
         meshes = TypeAdapter(tuple[Mesh, ...]).validate_json(record["meshes"])
         claimed, seconds = (_finite(record[key], key) for key in ("energy_claimed", "seconds"))
         return Solution(problem, motion, claimed, starts, meshes, seconds)
-    except (KeyError, ValueError, TypeError) as error:
+    except (KeyError, ValueError, TypeError, RecursionError) as error:
         cause = " ".join(str(error).split())
         raise InputError(f"The result file is damaged ({cause}).", "Solve the task again.", file=file) from error
 
@@ -186,6 +186,23 @@ def _check_motion(motion: Motion, actuation: Actuation) -> None:
             raise ValueError("the springs do not fit the drives")
         if kind != "rest" and np.any(values[there] <= 0):
             raise ValueError("a spring has a stiffness that is not positive")
+
+
+def motion_record(motion: Motion) -> dict[str, Any]:
+    """A motion as plain data; `motion_of` reads it."""
+    arrays = {"coefficients": motion.coefficients, "stiffness": motion.stiffness, "parallel": motion.parallel}
+    plain = {name: x.astype(object).tolist() for name, x in arrays.items()}
+    return {"basis": _basis_record(motion), "period": motion.basis.period, **plain}
+
+
+def motion_of(record: dict[str, Any]) -> Motion:
+    """The motion that `motion_record` has written."""
+    arrays = [np.array(record[name], float) for name in ("coefficients", "stiffness", "parallel")]
+    return Motion(_basis(record["basis"], record["period"]), *arrays)
+
+
+def _basis(trajectory: dict[str, Any], period: float) -> Basis:
+    return make_basis(TypeAdapter(Trajectory).validate_python(trajectory), period)
 
 
 def _basis_record(motion: Motion) -> dict[str, Any]:

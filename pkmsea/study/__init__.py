@@ -1,5 +1,7 @@
-"""Many solves: calibration of drive numbers."""
+"""Many solves: studies of a task's numbers, and calibration of drive numbers."""
 
 from pkmsea.study.calibrate import calibrate, with_drive_numbers
+from pkmsea.study.run import Progress, StudyResult, run_study
+from pkmsea.study.study import Study, load_study
 
-__all__ = ["calibrate", "with_drive_numbers"]
+__all__ = ["Progress", "Study", "StudyResult", "calibrate", "load_study", "run_study", "with_drive_numbers"]

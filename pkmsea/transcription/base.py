@@ -55,5 +55,5 @@ class Transcription(ABC):
         return None
 
     def transfer(self, motion: Motion) -> np.ndarray:
-        """The x nearest to a motion."""
+        """The x nearest to a motion, which is stretched in time to this problem's period."""
         raise TypeError(f"{type(self).__name__} does not take over motions")

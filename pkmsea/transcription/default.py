@@ -67,5 +67,5 @@ class FlatTranscription(Transcription):
 
     def transfer(self, motion: Motion) -> np.ndarray:
         t = np.arange(4 * self.basis.size) * self.basis.period / (4 * self.basis.size)
-        coefficients = self.basis.fit(t, motion.flat_output(t))
+        coefficients = self.basis.fit(t, motion.flat_output(t * (motion.basis.period / self.basis.period)))
         return np.concatenate([coefficients.T.ravel(), motion.variables(self.problem.actuation)])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pkmsea.solution import Solution
-from pkmsea.views import file_name
+from pkmsea.views import setup_file
 from pkmsea.views.figures import overview, save_figure
 from pkmsea.views.playback import write_page
 
@@ -14,5 +14,4 @@ from pkmsea.views.playback import write_page
 def save_all(solutions: Sequence[Solution], folder: Path) -> list[Path]:
     """Write one figure of all setups and a playback page per setup; returns the paths."""
     paths = [save_figure(overview(solutions), folder / "overview.png")]
-    names = [file_name(solution.problem.task, solution.name) for solution in solutions]
-    return paths + [write_page(s, folder / f"{name}.html") for s, name in zip(solutions, names, strict=True)]
+    return paths + [write_page(solution, folder / f"{setup_file(solution)}.html") for solution in solutions]

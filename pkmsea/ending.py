@@ -1,18 +1,47 @@
-"""Ctrl-C and SIGTERM end a command alike, between its steps: what is finished is saved and printed before it ends."""
+"""How commands end: errors and exit codes; Ctrl-C and SIGTERM, between steps, so that what is finished is kept."""
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
+
+from pkmsea.errors import PkmseaError
+
+INTERRUPTED = 130  # how typer ends on Ctrl-C
 
 T = TypeVar("T")
 signals: list[int] = []  # that came
 _held = False  # whether a first signal waits for the next `interruptible`
 
 
-def listen() -> None:
+def run(app: Callable[[], Any]) -> None:
+    """Run a command: its errors become one paragraph and an exit code; a signal, exit code 1."""
+    _listen()
+    try:
+        app()
+    except PkmseaError as error:
+        print_error(error)
+        sys.exit(error.exit_code)
+    except (SystemExit, Exception) as stop:
+        if not signals or (isinstance(stop, SystemExit) and stop.code != INTERRUPTED):
+            raise
+        print_error("stopped; what was finished is printed, and saved where -o was given")
+        sys.exit(1)
+
+
+def print_error(error: BaseException | str) -> None:
+    """One paragraph on standard error."""
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+    console.print("pkmsea: ", style="bold red", end="")
+    console.print(str(error), markup=False, emoji=False)
+
+
+def _listen() -> None:
     """Raise KeyboardInterrupt on SIGTERM and on SIGINT, unless that is ignored: a job in the background."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _stop)

@@ -1,0 +1,155 @@
+"""One point of a study, solved in whatever process it lands in: plain data in, plain data out."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from pkmsea.errors import PkmseaError
+from pkmsea.files import file_name
+from pkmsea.problem import build_problem
+from pkmsea.solution import Mesh, Solution
+from pkmsea.solution.solve import chosen
+from pkmsea.solution.store import motion_of, motion_record
+from pkmsea.solver import Start
+from pkmsea.solver.multistart import distinct, finish, multistart, restart, run_start
+from pkmsea.study.calibrate import calibrate, with_drive_numbers
+from pkmsea.study.study import KEY, Calibration
+from pkmsea.study.table import DONE, FAILED, NO_BETTER, UNVERIFIED, VERIFIED, rank, records
+from pkmsea.task import Task
+from pkmsea.transcription import Transcription, transcribe
+
+BETTER = 1e-3  # relative: what a later round must gain on the first mesh to be worth refining
+
+
+@dataclass(frozen=True)
+class Job:
+    """A point to solve.
+
+    Attributes
+    ----------
+    key : case, setup, point and round, the row in the table.
+    values : of the varied parameters.
+    task : JSON of the changed task; `file` is where the original was read.
+    near : motions of neighbours, as `motion_record`s in JSON, each a start.
+    indices : of the random starts beside; None for the whole multi-start of the task.
+    known : what this point's best solution so far claims on the first mesh [J]; None in the first round.
+    result : file to save the solution in.
+    """
+
+    key: tuple[str, str, int, int]
+    values: Mapping[str, float]
+    task: str
+    file: str | None
+    near: tuple[str, ...] = ()
+    indices: tuple[int, ...] | None = None
+    known: float | None = None
+    calibrate: tuple[Calibration, ...] = ()
+    result: str | None = None
+
+
+def solve_point(job: Job) -> dict[str, Any]:
+    """The row of a job: `energy` [J], `claimed`, `status`, `reason`, `stiffness` and so on; it does not raise."""
+    begin = time.perf_counter()
+    try:
+        row = _solved(job, begin)
+    except PkmseaError as error:
+        return failure(job.key, job.values, str(error))
+    except Exception as error:  # a point that fails must not take the others with it
+        return failure(job.key, job.values, f"{type(error).__name__}: {error}")
+    return _named(job.key, job.values) | row | {"seconds": time.perf_counter() - begin}
+
+
+def failure(key: tuple[str, str, int, int], values: Mapping[str, float], reason: str) -> dict[str, Any]:
+    """The row of a point without a solution."""
+    return _named(key, values) | {"outcome": FAILED, "status": FAILED, "reason": reason}
+
+
+def lost(job: Job) -> dict[str, Any]:
+    """The row of a job whose processes died."""
+    return failure(job.key, job.values, "its process died again and again")
+
+
+def _named(key: tuple[str, str, int, int], values: Mapping[str, float]) -> dict[str, Any]:
+    return dict(zip(KEY, key, strict=True)) | dict(values)
+
+
+def task_of(job: Job) -> tuple[Task, dict[str, float]]:
+    """The job's task, and the drive numbers that were calibrated for it."""
+    task = _with_file(Task.model_validate_json(job.task), job.file)
+    numbers: dict[str, float] = {}
+    for c in job.calibrate:
+        numbers[c.number] = calibrate(task, c.setup, c.number, c.energy, c.start)
+        task = with_drive_numbers(task, **{c.number: numbers[c.number]})
+    return task, numbers
+
+
+def _with_file(task: Task, file: str | None) -> Task:
+    task._file = Path(file) if file else None
+    return task
+
+
+def _solved(job: Job, begin: float) -> dict[str, Any]:
+    task, numbers = task_of(job)
+    transcription = transcribe(build_problem(task, job.key[1]))
+    starts = _starts(transcription, job)
+    claimed = min((start.energy for start in starts), default=float("inf"))
+    if job.known is not None and not claimed < (1 - BETTER) * job.known:
+        return {"outcome": NO_BETTER, "status": NO_BETTER, "starts": len(starts)}
+    solution = chosen(transcription, starts, workers=1, begin=begin)
+    if job.result is not None:
+        solution.save(job.result)
+    return record(solution) | numbers
+
+
+def _starts(transcription: Transcription, job: Job) -> list[Start]:
+    starts = [restart(transcription, motion_of(json.loads(text))) for text in job.near]
+    if job.indices is None:
+        return starts + multistart(transcription, workers=1)[0]
+    own = [run_start(transcription, index) for index in job.indices]
+    return starts + [finish(transcription, start) if start.usable else start for start in own]
+
+
+def record(solution: Solution) -> dict[str, Any]:
+    """A solution as a row: numbers for people, and what makes it a `Solution` again."""
+    c = solution.motion.stiffness
+    return {
+        "outcome": DONE,
+        "energy": solution.energy,
+        "claimed": solution.claimed,
+        "status": VERIFIED if solution.verified else UNVERIFIED,
+        "reason": "" if solution.verified else "; ".join(solution.faults),
+        "starts": len(solution.starts),
+        "stiffness": [float(x) for x in c],
+        "optima": json.dumps(_optima(solution)),
+        "motion": json.dumps(motion_record(solution.motion)),
+        "meshes": json.dumps([asdict(mesh) for mesh in solution.meshes]),
+        "task": solution.problem.task.model_dump_json(),
+    }
+
+
+def _optima(solution: Solution) -> list[dict[str, Any]]:
+    """Energy as claimed [J] and stiffness of the distinct optima of all starts, best first."""
+    return [{"energy": s.energy, "stiffness": list(s.stiffness)} for s in distinct(solution.starts)]
+
+
+def solution_of(row: Mapping[str, Any]) -> Solution:
+    """The solution that a row of the table stands for, without its starts."""
+    task = _with_file(Task.model_validate_json(row["task"]), None)
+    meshes = tuple(Mesh(**mesh) for mesh in json.loads(row["meshes"]))
+    motion = motion_of(json.loads(row["motion"]))
+    return Solution(build_problem(task, row["setup"]), motion, row["claimed"], (), meshes, row["seconds"])
+
+
+def save_best(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    """Write the result file of the best point of each case and setup."""
+    solved = records(rows[rows["outcome"] == DONE])
+    pairs = dict.fromkeys((row["case"], row["setup"]) for row in solved)
+    chosen = [min((r for r in solved if (r["case"], r["setup"]) == pair), key=rank) for pair in pairs]
+    return [solution_of(row).save(folder / f"{file_name(row['case'])}_{file_name(row['setup'])}.nc") for row in chosen]

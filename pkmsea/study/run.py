@@ -1,0 +1,217 @@
+"""Running a study: levels of points, neighbours starting each other, every finished point stored at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pkmsea.errors import InputError
+from pkmsea.files import file_name
+from pkmsea.study.fingerprint import fingerprint
+from pkmsea.study.point import Job, failure, lost, save_best, solve_point
+from pkmsea.study.points import Points, levels, points_of
+from pkmsea.study.pool import unordered
+from pkmsea.study.search import Searcher
+from pkmsea.study.study import Search, Study, load_study
+from pkmsea.study.table import DONE, FAILED, HIDDEN, NAME, VERIFIED, Table, best, first_claim, rank, records
+from pkmsea.study.tasks import check, task_at
+
+OPTIMUM = -1  # the point that stands for the task as it says itself
+SEEDS = 6  # best local minima among the points that start the optimum
+
+Key = tuple[str, str, int, int]  # case, setup, point, round
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a study is: points done (failed ones among them) of all; `best` is the least energy so far [J]."""
+
+    done: int
+    failed: int
+    total: int
+    best: float
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """What a study has found; `rows` are all solved rows, `folder` is where table and result files are."""
+
+    study: Study
+    rows: pd.DataFrame
+    folder: Path
+    interrupted: bool
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The best row of every case, setup and point: parameters, energy [J], stiffness c_i, status and so on."""
+        return best(self.rows[self.rows["point"] != OPTIMUM]).drop(columns=HIDDEN)
+
+    @property
+    def optima(self) -> pd.DataFrame:
+        """The task as it says itself, by case and setup; empty without `optimum`."""
+        return best(self.rows[self.rows["point"] == OPTIMUM])
+
+
+def run_study(
+    source: Study | str | Path,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> StudyResult:
+    """Run a study, or what is left of it, into a folder.
+
+    Parameters
+    ----------
+    source : a study, or the path of a study file.
+    out : folder of the table (study.sqlite), of result files and of changed mechanisms.
+    workers : processes; default: the cores that this process may use. Results do not depend on it.
+    scheduler : address of a Dask scheduler whose workers are used instead; they must see `out` under the same path.
+    progress : called after every point.
+
+    Raises
+    ------
+    InputError : the study is wrong, or the folder holds points of another one.
+    """
+    study = load_study(source) if isinstance(source, str | Path) else source
+    out = Path(out)
+    drives = check(study, out)
+    table = Table(out / NAME, list(study.vary), drives, fingerprint(study))
+    interrupted = False
+    try:
+        _Run(study, out, table, workers, scheduler, progress).everything()
+    except KeyboardInterrupt:
+        interrupted = True
+    rows = table.rows()
+    table.close()
+    if study.results != "none":
+        save_best(best(rows), out / "best")
+    return StudyResult(study, rows, out, interrupted)
+
+
+class _Run:
+    """A study on its way. What is known of the points so far decides which starts the next ones get."""
+
+    def __init__(
+        self,
+        study: Study,
+        out: Path,
+        table: Table,
+        workers: int | None,
+        scheduler: str | None,
+        progress: Callable[[Progress], None] | None,
+    ) -> None:
+        self.study, self.out, self.table = study, out, table
+        self.workers, self.scheduler, self.progress = workers, scheduler, progress
+        self.rows: dict[Key, Row] = {}
+        for row in records(table.rows()):
+            self.rows[row["case"], row["setup"], row["point"], row["round"]] = row
+        rounds = 1 if isinstance(study.sample, Search) else study.rounds
+        self.total = len(study.cases) * len(study.names) * (study.size * rounds + study.optimum)
+
+    def everything(self) -> None:
+        """All points, round by round, then the optimum."""
+        self._tell()
+        if isinstance(self.study.sample, Search):
+            self._search(Searcher(self.study, self.study.sample))
+            return
+        points = points_of(self.study)
+        done: list[int] = []
+        for level in levels(points):
+            self._solve(points, level, 0, done)
+            done += level
+        for turn in range(1, self.study.rounds):
+            self._solve(points, done, turn, done)
+        if self.study.optimum:
+            seeds = {pair: self._minima(points, *pair) for pair in self._pairs()}
+            self._finish(self._job((*pair, OPTIMUM, 0), None, near, None) for pair, near in seeds.items())
+
+    def _pairs(self) -> list[tuple[str, str]]:
+        return [(case, setup) for case in self.study.cases for setup in self.study.names]
+
+    def _search(self, searcher: Searcher) -> None:
+        """Trials in small groups; each group is asked for when the results of the one before are known."""
+        while (points := searcher.ask()) is not None:
+            begin = len(points.values) - searcher.asked
+            group = list(range(begin, len(points.values)))
+            self._solve(points, group, 0, list(range(begin)))
+            case = next(iter(self.study.cases))
+            rows = [self._best(case, self.study.names[0], point) for point in group]
+            searcher.tell([row["energy"] if row and row["status"] == VERIFIED else None for row in rows])
+
+    def _solve(self, points: Points, chosen: Sequence[int], turn: int, solved: Sequence[int]) -> None:
+        """One level of points, or one further round of all."""
+        jobs = []
+        for case, setup in self._pairs():
+            usable = [i for i in solved if self._best(case, setup, i, turn or 1)]
+            for point in chosen:
+                count = 2 * len(points.names) if turn else self.study.neighbours
+                near = points.nearest(point, usable, count)
+                own = range(point * self.study.starts + 1, (point + 1) * self.study.starts + 1)
+                indices = tuple(own) if near and not turn else () if turn else None
+                jobs.append(self._job((case, setup, point, turn), points.at(point), near, indices))
+        self._finish(jobs)
+
+    def _job(
+        self, key: Key, values: dict[str, float] | None, near: Sequence[int], indices: tuple[int, ...] | None
+    ) -> Job | None:
+        """A job, if it is still to be done; `values` are None for the task as it says itself."""
+        case, setup, point, turn = key
+        if key in self.rows:
+            return None
+        own = self._best(case, setup, point, turn) if turn else None
+        if turn and not (own and near):
+            return None
+        try:
+            task = task_at(self.study, case, values, self.out)
+        except InputError as error:
+            self._add(failure(key, values or {}, str(error)))
+            return None
+        rows = [row for i in near if (row := self._best(case, setup, i, turn or 1))]
+        file = None
+        if self.study.results == "all" and point != OPTIMUM:
+            file = str(self.out / "results" / file_name(case) / file_name(setup) / f"{point}_{turn}.nc")
+        origin = str(task.file.resolve()) if task.file else None
+        return Job(
+            key, values or {}, task.model_dump_json(), origin, tuple(row["motion"] for row in rows), indices,
+            first_claim(own) if own else None, self.study.cases[case].calibrate, file,
+        )  # fmt: skip
+
+    def _finish(self, jobs: Iterable[Job | None]) -> None:
+        """Solve jobs and store their rows as they come."""
+        todo = [job for job in jobs if job is not None]
+        for row in unordered(solve_point, todo, self.workers, self.scheduler, lost):
+            self._add(row)
+
+    def _add(self, row: Row) -> None:
+        self.table.add(row)
+        self.rows[row["case"], row["setup"], row["point"], row["round"]] = row
+        self._tell()
+
+    def _best(self, case: str, setup: str, point: int, before: int = 1) -> Row | None:
+        """The best row with a motion of a point, of the rounds before one."""
+        rows = [self.rows.get((case, setup, point, turn)) for turn in range(before)]
+        return min((row for row in rows if row and row["outcome"] == DONE), key=rank, default=None)
+
+    def _minima(self, points: Points, case: str, setup: str) -> list[int]:
+        """Points that are no worse than their neighbours, best first."""
+        rounds = self.study.rounds
+        every = range(len(points.values))
+        energy = {i: rank(row) for i in every if (row := self._best(case, setup, i, rounds))}
+        around = {i: points.nearest(i, list(energy), 2 * len(points.names)) for i in energy}
+        minima = [i for i in energy if all(energy[i] <= energy[j] for j in around[i])]
+        return sorted(minima, key=lambda i: energy[i])[:SEEDS]
+
+    def _tell(self) -> None:
+        if self.progress is None:
+            return
+        energies = [row["energy"] for row in self.rows.values() if row["status"] == VERIFIED]
+        failed = sum(row["outcome"] == FAILED for row in self.rows.values())
+        self.progress(Progress(len(self.rows), failed, self.total, min(energies, default=np.inf)))
