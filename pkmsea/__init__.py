@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pkmsea.solution import Audit, Solution, solve, solve_all
     from pkmsea.solution.export import export
     from pkmsea.solution.store import load as load_solution
+    from pkmsea.solver import Optimality, Optimum
     from pkmsea.study import calibrate
     from pkmsea.task import Task, load_task
     from pkmsea.transcription import Transcription, transcribe
@@ -26,6 +27,7 @@ _WHERE = {
     "Problem": "problem", "build_problem": "problem",
     "Audit": "solution", "Solution": "solution", "solve": "solution", "solve_all": "solution",
     "export": "solution.export", "load_solution": "solution.store:load",
+    "Optimality": "solver", "Optimum": "solver",
     "calibrate": "study",
     "Task": "task", "load_task": "task",
     "Transcription": "transcription", "transcribe": "transcription",
@@ -33,9 +35,9 @@ _WHERE = {
 }  # fmt: skip
 
 __all__ = [
-    "Actuation", "Audit", "Drive", "Mechanism", "PkmseaError", "Problem", "Solution", "Task", "Transcription",
-    "Verification", "build_problem", "calibrate", "export", "flat_map", "load_mechanism", "load_solution",
-    "load_task", "solve", "solve_all", "transcribe", "verify",
+    "Actuation", "Audit", "Drive", "Mechanism", "Optimality", "Optimum", "PkmseaError", "Problem", "Solution", "Task",
+    "Transcription", "Verification", "build_problem", "calibrate", "export", "flat_map", "load_mechanism",
+    "load_solution", "load_task", "solve", "solve_all", "transcribe", "verify",
 ]  # fmt: skip
 
 

@@ -89,19 +89,19 @@ def solve(
     from pkmsea.files import check_writable
     from pkmsea.problem import build_problem
     from pkmsea.task import load_task
-    from pkmsea.views import tables
+    from pkmsea.views import records, tables
     from pkmsea.views.output import save_all
 
-    loaded = load_task(task)
-    if starts is not None:
-        loaded = loaded.with_starts(starts)
+    loaded = load_task(task) if starts is None else load_task(task).with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
     for name in names:
         build_problem(loaded, name)  # bad input of any setup is told before the first is solved
     if out is not None:
         check_writable(out)
     solved: list[solution.Solution] = []
-    failures: list[PkmseaError | KeyboardInterrupt] = []
+    failures: dict[str, SolveError] = {}
+    stopped: PkmseaError | KeyboardInterrupt | None = None
+    among = [s.name for s in loaded.setups]
     written: list[Path] = []
     with tables.progress(quiet=json_) as report:
         for name in names:
@@ -110,23 +110,23 @@ def solve(
                 with ending.interruptible():
                     solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
                 if out is not None:
-                    written.append(solved[-1].save(out / f"{views.setup_file(solved[-1])}.nc"))
+                    written.append(solved[-1].save(out / f"{views.file_name(name, among)}.nc"))
                 ending.stop_if(solved[-1].interrupted)
+            except SolveError as error:
+                failures[name] = error
+                if out is not None and (old := out / f"{views.file_name(name, among)}.nc").exists():
+                    typer.echo(f"{old} is of an earlier run; '{name}' has failed now", err=True)
             except (PkmseaError, KeyboardInterrupt) as error:
-                failures.append(error)
-                if not isinstance(error, SolveError):
-                    break
-    reference = next((s.energy for s in solved if s.name == names[0]), None)
+                stopped = error
+                break
+    reference = next((s for s in solved if s.name == names[0]), None)
     if json_:
-        _emit([tables.solution_record(s, reference) for s in solved])
+        _emit(records.solutions(solved, reference, failures))
     elif solved:
-        tables.print_solutions(solved, reference)
-    for failure in failures[:-1]:
-        ending.print_error(failure)
+        tables.print_solutions(solved, reference, failures)
     if solved and out is not None:
-        _tell(written + save_all(solved, out), json_)
-    if failures:
-        raise failures[-1]
+        _tell(written + save_all(solved, out, list(failures)), json_)
+    _end(failures, stopped)
 
 
 @app.command()
@@ -142,11 +142,11 @@ def reproduce(
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
     ending.hold()
     from pkmsea import views
-    from pkmsea.errors import PkmseaError
+    from pkmsea.errors import PkmseaError, SolveError
     from pkmsea.files import check_writable
     from pkmsea.paper.reproduce import TABLES, Row, paper_task
     from pkmsea.paper.reproduce import reproduce as rows_of
-    from pkmsea.views import tables
+    from pkmsea.views import records, tables
     from pkmsea.views.output import save_all
 
     if out is not None:
@@ -154,6 +154,7 @@ def reproduce(
     rows: list[Row] = []
     stopped: PkmseaError | KeyboardInterrupt | None = None
     written: list[Path] = []
+    failures: dict[tuple[int, str], SolveError] = {}
     chosen = sorted(set(table)) if table else TABLES
     with tables.progress(quiet=json_) as report:
 
@@ -161,8 +162,11 @@ def reproduce(
             count = starts or paper_task(number).options.starts
             report(f"table {number}, {name}", count)(start)
 
+        def fail(*what: Any) -> None:
+            failures[what[:2]] = what[2]
+
         try:
-            found = rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts)
+            found = rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts, failed=fail)
             for row in ending.each(found):
                 rows.append(row)
                 if out is not None:
@@ -172,16 +176,15 @@ def reproduce(
         except (PkmseaError, KeyboardInterrupt) as error:
             stopped = error
     if json_:
-        _emit([row.record() for row in rows])
+        _emit(records.rows(rows, failures))
     else:
-        tables.print_rows(rows)
+        tables.print_rows(rows, failures)
     if out is not None:
         _tell(written, json_)
         for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
-            _tell(save_all(of_table, out / f"table_{number}"), json_)
-    if stopped:
-        raise stopped
+            _tell(save_all(of_table, out / f"table_{number}", [name for n, name in failures if n == number]), json_)
+    _end(failures, stopped)
 
 
 @app.command()
@@ -193,23 +196,20 @@ def verify(
     from pkmsea.errors import SolveError
     from pkmsea.verification import Verification
     from pkmsea.verification import verify as verification_of
-    from pkmsea.views import tables
+    from pkmsea.views import records, tables
 
     found: dict[str, Verification] = {}
-    failures: list[SolveError] = []
+    failures: dict[str, SolveError] = {}
     for file in result:
         try:
             found[str(file)] = verification_of(file)
         except SolveError as error:
-            failures.append(error)
+            failures[str(file)] = error
     if json_:
-        _emit([tables.verification_record(name, v) for name, v in found.items()])
+        _emit(records.verifications(found, failures))
     elif found:
-        tables.print_verifications(found)
-    for failure in failures:
-        ending.print_error(failure)
-    if failures or not all(v.verified for v in found.values()):
-        raise typer.Exit(1)
+        tables.print_verifications(found, failures)
+    _end(failures, unverified=not all(v.verified for v in found.values()))
 
 
 @app.command()
@@ -253,6 +253,7 @@ def play(
     from pkmsea.views import playback
 
     solution = load(result)
+    typer.echo(f"{solution.name}: {solution.energy:.4g} J, {solution.status}")
     if html is not None:
         typer.echo(f"wrote {playback.write_page(solution, html)}")
         return
@@ -274,6 +275,15 @@ def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")]) -> None:
 
 def _emit(record: Any) -> None:
     typer.echo(json.dumps(record, indent=2, allow_nan=False))
+
+
+def _end(failures: dict[Any, Any], stopped: BaseException | None = None, unverified: bool = False) -> None:
+    for failure in failures.values():
+        ending.print_error(failure)
+    if stopped:
+        raise stopped
+    if failures or unverified:
+        raise typer.Exit(1)
 
 
 def _tell(paths: list[Path], quiet: bool) -> None:

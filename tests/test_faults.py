@@ -43,6 +43,7 @@ TASK: dict[str, Any] = {
     "options": FOURIER,
 }
 PATIENCE = 120.0  # [s]
+HALF = 0.5
 ENOUGH = 2000  # bytes that a full disk still takes
 TURNED = {"trajectory": {"kind": "fourier", "order": 4}, "starts": 1}
 
@@ -119,6 +120,8 @@ def kill_again_and_again(arguments: list[str], kills: int, folder: Path) -> list
         process.kill()
         process.wait()
         seen.append(len(whole_files(folder / "out")))
+        if rng.random() < HALF:
+            shutil.rmtree(folder / "out", ignore_errors=True)  # else the next run writes over what is there
     again = subprocess.run([*command, str(folder / "out")], capture_output=True, text=True, check=True).stdout
     assert table_of(again) == table_of(undisturbed)
     assert whole_files(folder / "out") == whole_files(folder / "once")

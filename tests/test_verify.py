@@ -86,6 +86,7 @@ def check(found: Verification, kind: str) -> None:
     assert found.gap < ENERGY
     assert found.end_effector < END_EFFECTOR[kind]
     assert found.feedback < 1e-5
+    assert found.optimality is not None and found.optimality.kind == "minimum"
 
 
 @pytest.mark.parametrize("name", SETUPS)

@@ -8,8 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from pkmsea.errors import SolveError
 from pkmsea.files import read_yaml
 from pkmsea.solution import Solution, solve
 from pkmsea.solver import Start
@@ -26,12 +25,16 @@ Report = Callable[[int, str, Start], None]
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One row of a table: the paper's values and ours. Energies in J, ratios relative to the rigid row."""
+    """One row of a table: the paper's values and ours. Energies in J.
+
+    Ratios are relative to the rigid row, and None where that one has failed; so is `reference_verified`.
+    """
 
     table: int
     title: str
     solution: Solution
-    ratio: float
+    ratio: float | None
+    reference_verified: bool | None
     paper_energy: float | None
     paper_ratio: float | None
     paper_stiffness: tuple[float, ...]
@@ -44,8 +47,12 @@ class Row:
     @property
     def remark(self) -> str:
         """Says so where ours differs from the paper's ratio by more than POINTS_OF_DIFFERENCE."""
+        if self.reference_verified is False:
+            return "* the rigid row is not verified"
         if self.paper_ratio is None:
             return "not in the paper"
+        if self.ratio is None:
+            return "the rigid row has failed"
         points = 100 * (self.ratio - self.paper_ratio)
         if abs(points) <= POINTS_OF_DIFFERENCE:
             return ""
@@ -61,11 +68,13 @@ class Row:
             "energy": s.claimed,
             "energy_true": s.energy,
             "ratio": self.ratio,
+            "reference_verified": self.reference_verified,
             "stiffness": [float(c) for c in s.stiffness],
             "paper_energy": self.paper_energy,
             "paper_ratio": self.paper_ratio,
             "paper_stiffness": list(self.paper_stiffness),
             "status": s.status,
+            "verified": s.verified,
             "seconds": s.seconds,
             "assumed": self.assumed,
             "remark": self.remark,
@@ -114,35 +123,44 @@ def reproduce(
     note: Callable[[str], None] | None = None,
     starts: int | None = None,
     setups: Sequence[str] | None = None,
+    failed: Callable[[int, str, SolveError], None] | None = None,
 ) -> Iterator[Row]:
     """Solve the setups of the paper's tables and yield a row as soon as it is there.
 
     Tables 2 to 4 end with RAPKM RD, which the paper leaves out. `starts` overrides the multi-start's size,
-    `setups` keeps only the named rows; the rigid row comes first in every table and must be among them.
+    `setups` keeps only the named rows; the rigid row comes first in every table and must be among them. A setup without
+    a solution is told to `failed` (table, setup, error), and the others go on; without it, its error is raised.
     """
     for table in tables:
         numbers = calibrated_numbers(table, note)
         task = paper_task(table, numbers)
         if starts is not None:
             task = task.with_starts(starts)
-        rigid = np.nan
-        for setup in task.setups:
-            if setups is not None and setup.name not in setups:
+        chosen = [setup.name for setup in task.setups if setups is None or setup.name in setups]
+        rigid: Solution | None = None
+        for name in chosen:
+            tell = None if report is None else (lambda start, n=name, t=table: report(t, n, start))
+            try:
+                solution = solve(task, name, workers=workers, progress=tell)
+            except SolveError as error:
+                if failed is None:
+                    raise
+                failed(table, name, error)
                 continue
-            tell = None if report is None else (lambda start, n=setup.name, t=table: report(t, n, start))
-            solution = solve(task, setup.name, workers=workers, progress=tell)
-            rigid = solution.energy if np.isnan(rigid) else rigid
-            yield _row(table, solution, solution.energy / rigid, numbers)
+            rigid = solution if name == chosen[0] else rigid
+            yield _row(table, solution, rigid, numbers)
 
 
-def _row(table: int, solution: Solution, ratio: float, numbers: dict[str, float]) -> Row:
+def _row(table: int, solution: Solution, rigid: Solution | None, numbers: dict[str, float]) -> Row:
     printed = paper_tables()[table]
     rows, reference = printed["rows"], next(iter(printed["rows"].values()))["energy"]
     paper = rows.get(solution.name)
     assumed = numbers or {"copper_loss": solution.problem.actuation.drives[0].copper_loss}
+    ratio = None if rigid is None else solution.energy / rigid.energy
+    verified = None if rigid is None else rigid.verified
     if paper is None:
-        return Row(table, printed["title"], solution, ratio, None, None, (), assumed)
+        return Row(table, printed["title"], solution, ratio, verified, None, None, (), assumed)
     return Row(
-        table, printed["title"], solution, ratio, paper["energy"], paper["energy"] / reference,
+        table, printed["title"], solution, ratio, verified, paper["energy"], paper["energy"] / reference,
         tuple(paper["stiffness"]), assumed,
     )  # fmt: skip

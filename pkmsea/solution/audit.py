@@ -123,7 +123,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     inverse, direct = pose.singularity(mechanism, s.q)
     closed = mechanism.functions["closure_residual"].map(s.t.size)(s.q.T)
     closure = float(np.abs(np.array(closed)).max(initial=0.0))
-    window = _window_excess(problem, motion)
+    window, outside = _window_excess(problem, motion), _out_of_bounds(problem, motion)
     limits = {f"{b.quantity} {b.name}": _limit_excess(b, s, motion, problem) for b in problem.bounds}
     checks = [
         (
@@ -133,6 +133,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
         (balance > BALANCE, f"the power balance is off by {balance:.1e}"),
         (closure > CLOSURE, f"the loops open by {closure:.1e} m"),
         (window > WINDOW_EXCESS, f"a rest window is overstepped by {window:.1e} m"),
+        (not outside <= LIMIT_EXCESS, f"a spring is outside its bounds by {outside:.1e} of its value"),
         *((x > LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in limits.items()),
     ]
     faults = tuple(text for failed, text in checks if failed)
@@ -201,6 +202,16 @@ def _window_excess(problem: Problem, motion: Motion) -> float:
         r_E = motion.flat_output(t)[:, w.axis]
         worst = max(worst, float(np.abs(r_E - w.at).max()) - w.deviation)
     return worst
+
+
+def _out_of_bounds(problem: Problem, motion: Motion) -> float:
+    """Largest distance of a spring's number from its bounds, relative to the number."""
+    with np.errstate(invalid="ignore"):  # the logarithm of a stiffness that is not positive
+        variables = motion.variables(problem.actuation)
+    inside = Motion.of(problem.actuation, motion.basis, motion.coefficients, variables)
+    pairs = ((motion.stiffness, inside.stiffness), (motion.parallel, inside.parallel))
+    given, nearest = (np.concatenate([x[i][~np.isnan(x[0])] for x in pairs]) for i in (0, 1))
+    return float((np.abs(given - nearest) / np.maximum(np.abs(given), LIMIT_EXCESS)).max(initial=0.0))
 
 
 def _limit_excess(bound: Bound, s: Series, motion: Motion, problem: Problem) -> float:

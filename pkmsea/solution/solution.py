@@ -11,12 +11,15 @@ import numpy as np
 from pkmsea.errors import SolveError
 from pkmsea.problem import Problem
 from pkmsea.solution.audit import Audit, Series, audit
+from pkmsea.solution.local import optimality_of
 from pkmsea.solution.refine import Mesh, agree
-from pkmsea.solver import Start
+from pkmsea.solver import Optimality, Optimum, Start, optima
 from pkmsea.transcription import Motion
 
+STATED = 1e-6  # difference of a file's energy from the recomputed one, relative like the audit's gap
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """An energy-optimal cycle.
 
@@ -29,6 +32,7 @@ class Solution:
     meshes : the refinement.
     seconds : wall time of the whole solve.
     interrupted : whether Ctrl-C ended the multi-start early; the solution is the best of what was found by then.
+    stated : true energy that the file states from which this was loaded [J]; None if it was solved.
     """
 
     problem: Problem
@@ -38,6 +42,7 @@ class Solution:
     meshes: tuple[Mesh, ...]
     seconds: float
     interrupted: bool = False
+    stated: float | None = None
 
     @cached_property
     def _audited(self) -> tuple[Audit, Series]:
@@ -49,6 +54,25 @@ class Solution:
     def audit(self) -> Audit:
         """Checks on a dense grid by the exact flat map; see `Audit`."""
         return self._audited[0]
+
+    @cached_property
+    def _optimality(self) -> Optimality | None:
+        try:
+            return optimality_of(self.problem, self.motion, self.meshes, self.audit().scale)
+        except SolveError:
+            return None
+
+    def optimality(self) -> Optimality | None:
+        """First- and second-order conditions of a local minimum, on the motion's own mesh; see `Optimality`.
+
+        None where there is no mesh to ask it on: the paper's transcription, or a stiffness outside its bounds.
+        """
+        return self._optimality
+
+    @cached_property
+    def optima(self) -> tuple[Optimum, ...]:
+        """The distinct optima that the multi-start found, best first, and how often each; see `Optimum`."""
+        return optima(self.starts)
 
     @property
     def series(self) -> Series:
@@ -70,13 +94,27 @@ class Solution:
         return self.problem.setup.name
 
     @property
+    def label(self) -> str:
+        """The name, with a word of warning if the result is not verified."""
+        return self.name if self.verified else f"{self.name} (not verified)"
+
+    @cached_property
     def faults(self) -> tuple[str, ...]:
-        """What keeps the result from being verified: the audit's faults, and meshes that do not agree."""
-        audit, options = self.audit(), self.problem.options
-        if options.transcription == "paper" or agree(self.meshes, audit.scale, options.energy_tolerance):
-            return audit.faults
-        energies = ", ".join("unsolved" if mesh.energy is None else f"{mesh.energy:.4g} J" for mesh in self.meshes)
-        return *audit.faults, f"no two successive meshes agree ({energies})"
+        """What keeps the result from being verified.
+
+        The audit's faults, meshes that do not agree, and a file that states another energy than its motion has.
+        """
+        try:
+            audit, options = self.audit(), self.problem.options
+        except SolveError as error:
+            return (error.cause,)
+        faults = list(audit.faults)
+        if options.transcription != "paper" and not agree(self.meshes, audit.scale, options.energy_tolerance):
+            energies = ", ".join("unsolved" if mesh.energy is None else f"{mesh.energy:.4g} J" for mesh in self.meshes)
+            faults.append(f"no two successive meshes agree ({energies})")
+        if self.stated is not None and not abs(self.stated - audit.energy) <= STATED * audit.scale:
+            faults.append(f"the file states {self.stated:.6g} J, its motion takes {audit.energy:.6g} J")
+        return tuple(faults)
 
     @property
     def verified(self) -> bool:
@@ -87,6 +125,14 @@ class Solution:
         """'verified', or why not."""
         faults = self.faults
         return "not verified: " + "; ".join(faults) if faults else "verified"
+
+    def __repr__(self) -> str:
+        springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
+        try:
+            energy = f"{self.energy:.4g} J"
+        except SolveError:
+            energy = "no energy"
+        return f"<Solution '{self.name}': {energy}, stiffness [{springs}], {self.status}>"
 
     def save(self, path: str | Path) -> Path:
         """Write the result file (NetCDF), whole or not at all; see `pkmsea.solution.store`."""

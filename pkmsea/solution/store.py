@@ -27,7 +27,7 @@ from pkmsea.solver import Outcome, Start
 from pkmsea.task import Task
 from pkmsea.task.task import Trajectory
 from pkmsea.transcription import Motion
-from pkmsea.transcription.bases import Basis, FourierBasis, SplineBasis, make_basis
+from pkmsea.transcription.bases import Basis, make_basis
 
 FORMAT = "pkmsea result 1"
 POINTS = 1000  # of the stored series, per period, at least
@@ -38,7 +38,7 @@ MAX_BYTES = 1_000_000_000  # of a result's numbers; the finest mesh has a third 
 
 def to_dataset(solution: Solution) -> xr.Dataset:
     """The labelled time series of a solution, with its record as attributes."""
-    problem, audit = solution.problem, solution.audit()
+    problem, audit, optimality = solution.problem, solution.audit(), solution.optimality()
     actuation, mechanism = problem.actuation, problem.actuation.mechanism
     s = series(problem, solution.motion, max(POINTS, PER_COEFFICIENT * solution.motion.basis.size))
     revolute = mechanism.revolute
@@ -83,11 +83,13 @@ def to_dataset(solution: Solution) -> xr.Dataset:
         "setup": problem.setup.name,
         "task": problem.task.model_dump_json(),
         "task_file": str(problem.task.file.resolve()) if problem.task.file else "",
-        "basis": json.dumps(_basis_record(solution.motion)),
+        "basis": solution.motion.basis.trajectory.model_dump_json(),
         "energy_true": audit.energy,
         "energy_claimed": solution.claimed,
         "status": solution.status,
         "audit": json.dumps(asdict(audit)),
+        "optimality": json.dumps(optimality and asdict(optimality)),
+        "optima": json.dumps([asdict(optimum) for optimum in solution.optima]),
         "starts": json.dumps([_start_record(start) for start in solution.starts]),
         "meshes": json.dumps([asdict(mesh) for mesh in solution.meshes]),
         "seconds": solution.seconds,
@@ -161,8 +163,8 @@ def load(path: str | Path) -> Solution:
         _check_motion(motion, problem.actuation)
         starts = tuple(r.start() for r in TypeAdapter(tuple[StartRecord, ...]).validate_json(record["starts"]))
         meshes = TypeAdapter(tuple[Mesh, ...]).validate_json(record["meshes"])
-        claimed, seconds = (_finite(record[key], key) for key in ("energy_claimed", "seconds"))
-        return Solution(problem, motion, claimed, starts, meshes, seconds)
+        claimed, seconds, stated = (_finite(record[key], key) for key in ("energy_claimed", "seconds", "energy_true"))
+        return Solution(problem, motion, claimed, starts, meshes, seconds, stated=stated)
     except (KeyError, ValueError, TypeError, RecursionError) as error:
         cause = " ".join(str(error).split())
         raise InputError(f"The result file is damaged ({cause}).", "Solve the task again.", file=file) from error
@@ -192,7 +194,7 @@ def motion_record(motion: Motion) -> dict[str, Any]:
     """A motion as plain data; `motion_of` reads it."""
     arrays = {"coefficients": motion.coefficients, "stiffness": motion.stiffness, "parallel": motion.parallel}
     plain = {name: x.astype(object).tolist() for name, x in arrays.items()}
-    return {"basis": _basis_record(motion), "period": motion.basis.period, **plain}
+    return {"basis": motion.basis.trajectory.model_dump(), "period": motion.basis.period, **plain}
 
 
 def motion_of(record: dict[str, Any]) -> Motion:
@@ -203,14 +205,6 @@ def motion_of(record: dict[str, Any]) -> Motion:
 
 def _basis(trajectory: dict[str, Any], period: float) -> Basis:
     return make_basis(TypeAdapter(Trajectory).validate_python(trajectory), period)
-
-
-def _basis_record(motion: Motion) -> dict[str, Any]:
-    basis = motion.basis
-    if isinstance(basis, FourierBasis):
-        return {"kind": "fourier", "order": basis.order}
-    assert isinstance(basis, SplineBasis)
-    return {"kind": "spline", "knots": basis.knots, "degree": basis.degree}
 
 
 def _start_record(start: Start) -> dict[str, Any]:

@@ -108,7 +108,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
             break
         x = candidate
         g = np.array(found["g"]).ravel()
-        violation = float(max(_excess(g, nlp.g_lower, nlp.g_upper), _excess(x, lower, upper)))
+        violation = float(max(excess(g, nlp.g_lower, nlp.g_upper), excess(x, lower, upper)))
         if outcome is Outcome.INFEASIBLE:
             break
         multipliers = {"lam_g0": found["lam_g"], "lam_x0": found["lam_x"]}
@@ -143,7 +143,7 @@ def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool) -> ca.Functi
     return ca.nlpsol("solver", "ipopt", nlp.oracle, settings)
 
 
-def _excess(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+def excess(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
     return float(np.max(np.concatenate([lower - values, values - upper, [0.0]])))
 
 

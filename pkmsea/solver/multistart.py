@@ -25,7 +25,7 @@ SCREENING, SHARPENING, LAST = slice(0, 2), slice(2, None), slice(-1, None)  # of
 CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that need more end badly
 FINISHED = 4  # starts at least that go on
 AGREEING = 8  # starts that find one optimum between them are enough
-GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace
+GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
 POOLS = 2  # of processes: a second one where the first one breaks
 WATCH = 0.5  # [s] between a worker's looks at its parent
@@ -47,6 +47,7 @@ class Start:
     stiffness : of the elastic drives.
     limited : whether the limits of drives and joints had to be put into the NLP.
     finished : whether it was among the best and went on to the full sharpness; the others were only screened.
+    repeats : index of the better start whose optimum it found, too; None where it is the best of its own.
     """
 
     index: int
@@ -58,10 +59,11 @@ class Start:
     seconds: float
     limited: bool = False
     finished: bool = False
+    repeats: int | None = None
 
     @property
     def usable(self) -> bool:
-        return self.x is not None and np.isfinite(self.energy)
+        return bool(np.isfinite(self.energy))
 
 
 def run_start(transcription: Transcription, index: int) -> Start:
@@ -141,7 +143,10 @@ def multistart(
         done += found
         if interrupted or (all(start.outcome is Outcome.OPTIMAL for start in done) and len(distinct(done)) == 1):
             break
-    best = distinct(done)[: max(FINISHED, count // 6)]
+    groups = clusters(done)
+    leaders = {start.index: group[0].index for group in groups for start in group[1:]}
+    done = [replace(start, repeats=leaders.get(start.index)) for start in done]
+    best = [group[0] for group in groups][: max(FINISHED, count // 6)]
     sharpened, again = collect(spread(transcription, workers, [(finish, s) for s in best]))
     finished = {s.index: s for s in sharpened}
     return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index), interrupted or again
@@ -149,11 +154,20 @@ def multistart(
 
 def distinct(starts: Iterable[Start], energy: float = 1e-3, stiffness: float = 0.05) -> list[Start]:
     """The usable starts, best first, without those that repeat a better one's energy and stiffness (relative)."""
-    kept: list[Start] = []
+    return [group[0] for group in clusters(starts, energy, stiffness)]
+
+
+def clusters(starts: Iterable[Start], energy: float = 1e-3, stiffness: float = 0.05) -> list[list[Start]]:
+    """The usable starts, grouped with the best one whose energy and stiffness they repeat (relative); best first."""
+    groups: list[list[Start]] = []
     for start in sorted((s for s in starts if s.usable), key=lambda s: s.energy):
-        if not any(_same(start, other, energy, stiffness) for other in kept):
-            kept.append(start)
-    return kept
+        same = (group for group in groups if _same(start, group[0], energy, stiffness))
+        group = next(same, None)
+        if group is None:
+            groups.append([start])
+        else:
+            group.append(start)
+    return groups
 
 
 def _same(a: Start, b: Start, energy: float, stiffness: float) -> bool:

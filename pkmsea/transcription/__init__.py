@@ -4,9 +4,10 @@ from pkmsea.errors import InputError
 from pkmsea.problem import Problem
 from pkmsea.task import Chain
 from pkmsea.transcription.base import Transcription
+from pkmsea.transcription.bases import Basis
 from pkmsea.transcription.motion import Motion
 
-__all__ = ["Motion", "Transcription", "transcribe"]
+__all__ = ["Motion", "Transcription", "transcribe", "transcribe_on"]
 
 
 def transcribe(problem: Problem) -> Transcription:
@@ -21,6 +22,15 @@ def transcribe(problem: Problem) -> Transcription:
 
     assert not isinstance(options.trajectory, Chain)  # the task file's check
     return FlatTranscription(problem, options.trajectory, options.samples)
+
+
+def transcribe_on(problem: Problem, basis: Basis, samples: int) -> Transcription | None:
+    """The transcription of a solved motion's own mesh; None where the options name the paper's, which has none."""
+    if problem.options.transcription == "paper":
+        return None
+    from pkmsea.transcription.default import FlatTranscription
+
+    return FlatTranscription(problem, basis.trajectory, samples)
 
 
 def _refuse_extras(problem: Problem) -> None:

@@ -31,7 +31,7 @@ class Transcription(ABC):
 
         Raises
         ------
-        FloatingPointError : the path leaves the workspace.
+        FloatingPointError : the path leaves the workspace, or crosses a singularity.
         """
 
     @abstractmethod

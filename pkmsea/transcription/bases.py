@@ -27,6 +27,11 @@ class Basis(ABC):
     def modes(self) -> int:
         """Highest harmonic that the basis resolves; grids are chosen by it."""
 
+    @property
+    @abstractmethod
+    def trajectory(self) -> Fourier | Spline:
+        """The record of a task's options that names this basis."""
+
     @abstractmethod
     def matrix(self, t: np.ndarray, derivative: int = 0) -> np.ndarray:
         """d^k B / dt^k at times t, (len(t), size)."""
@@ -50,6 +55,10 @@ class FourierBasis(Basis):
     def modes(self) -> int:
         return self.order
 
+    @property
+    def trajectory(self) -> Fourier:
+        return Fourier(kind="fourier", order=self.order)
+
     def matrix(self, t: np.ndarray, derivative: int = 0) -> np.ndarray:
         w = 2 * np.pi / self.period * np.arange(1, self.order + 1)
         phase = np.outer(np.asarray(t, float), w) + derivative * np.pi / 2
@@ -72,6 +81,10 @@ class SplineBasis(Basis):
     @property
     def modes(self) -> int:
         return self.knots // 2
+
+    @property
+    def trajectory(self) -> Spline:
+        return Spline(kind="spline", knots=self.knots, degree=self.degree)
 
     def matrix(self, t: np.ndarray, derivative: int = 0) -> np.ndarray:
         n, k, h = self.knots, self.degree, self.period / self.knots

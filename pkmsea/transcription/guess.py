@@ -7,11 +7,12 @@ import numpy as np
 from pkmsea.problem import Problem
 from pkmsea.transcription.bases import Basis, SplineBasis
 from pkmsea.transcription.motion import Motion
-from pkmsea.transcription.robot import RobotOnGrid
+from pkmsea.transcription.robot import RobotOnGrid, State
 from pkmsea.transcription.windows import window_times
 
 DETOUR = 0.25  # standard deviation of a random detour, relative to the task's span
-HARMONICS = 3  # of a random detour
+HARMONICS = (3, 6)  # of a random detour, one of them per start: each finds valleys that the other seldom finds
+INTERNAL = 4.0  # size of a random internal load, relative to the drives' largest force on the path
 COARSE_KNOTS, COARSE_DEGREE = 24, 5  # paths are shaped on few knots and then fitted
 
 
@@ -25,6 +26,7 @@ def path(problem: Problem, basis: Basis, rng: np.random.Generator | None) -> np.
     period = problem.cycle.period
     fine = np.arange(8 * COARSE_KNOTS) * period / (8 * COARSE_KNOTS)
     jerk = coarse.matrix(fine, 3)
+    harmonics = int(rng.choice(HARMONICS)) if rng is not None else 0
     samples = np.empty((fine.size, len(problem.cycle.points[0].at)))
     for axis in range(samples.shape[1]):
         windows = [w for w in problem.cycle.windows if w.axis == axis]
@@ -32,7 +34,8 @@ def path(problem: Problem, basis: Basis, rng: np.random.Generator | None) -> np.
         at = np.concatenate([np.full(t.size, w.at) for t, w in zip(times, windows, strict=True)])
         wish = np.zeros(fine.size)
         if rng is not None:
-            wish = jerk @ coarse.fit(fine, _detour(rng, fine, period) * DETOUR * problem.span[axis])
+            detour = _detour(rng, fine, period, harmonics) * DETOUR * problem.span[axis]
+            wish = jerk @ coarse.fit(fine, detour)
         rows = np.vstack([1e-4 * jerk * period**3, 1e3 * coarse.matrix(np.concatenate(times))])
         right = np.concatenate([1e-4 * wish * period**3, 1e3 * at])
         samples[:, axis] = coarse.matrix(fine) @ np.linalg.lstsq(rows, right, rcond=None)[0]
@@ -41,40 +44,52 @@ def path(problem: Problem, basis: Basis, rng: np.random.Generator | None) -> np.
     return basis.fit(dense, knots)
 
 
-def _detour(rng: np.random.Generator, t: np.ndarray, period: float) -> np.ndarray:
-    order = np.arange(1, HARMONICS + 1)
+def _detour(rng: np.random.Generator, t: np.ndarray, period: float, harmonics: int) -> np.ndarray:
+    order = np.arange(1, harmonics + 1)
     phase = 2 * np.pi / period * np.outer(t, order)
-    amplitude = rng.normal(size=(2, HARMONICS)) / order
+    amplitude = rng.normal(size=(2, harmonics)) / order
     return np.asarray(np.sin(phase) @ amplitude[0] + np.cos(phase) @ amplitude[1])
 
 
 def start(problem: Problem, robot: RobotOnGrid, rng: np.random.Generator | None) -> np.ndarray:
     """A whole first x: a path, parameters within their bounds, and free drives that carry their share of the load.
 
-    Without `rng`, the plain path and the middle of the bounds (of stiffnesses, in the logarithm).
+    With `rng` also a random internal load; without it, the plain path and the middle of the bounds (of stiffnesses,
+    in the logarithm).
+
+    Raises
+    ------
+    FloatingPointError : the path leaves the workspace, or crosses a singularity.
     """
     low, high = np.array([parameter.bounds for parameter in problem.actuation.parameters]).reshape(-1, 2).T
     p = (low + high) / 2 if rng is None else rng.uniform(low, high)
     coefficients = np.zeros((robot.basis.size, robot.outputs))
     coefficients[:, : robot.delta] = path(problem, robot.basis, rng)
     x = np.concatenate([coefficients.T.ravel(), p])
+    robot.start(x)
+    state = robot.state(x)
     if problem.actuation.free:
-        coefficients[:, robot.delta :] = _shared_load(problem, robot, x)
+        coefficients[:, robot.delta :] = _shared_load(problem, robot, state, rng)
         x = np.concatenate([coefficients.T.ravel(), p])
     return x
 
 
-def _shared_load(problem: Problem, robot: RobotOnGrid, x: np.ndarray) -> np.ndarray:
-    """Coefficients of z for which the drives' forces have the least norm: u = N_A (N_A^T N_A)^-1 N_A^T u."""
+def _shared_load(problem: Problem, robot: RobotOnGrid, state: State, rng: np.random.Generator | None) -> np.ndarray:
+    """Coefficients of z for which the drives' forces have the least norm: u = N_A (N_A^T N_A)^-1 N_A^T u.
+
+    With `rng`, random low harmonics add to the free drives' forces; the load equation makes them internal.
+    """
     actuation = problem.actuation
-    robot.start(x)
-    state = robot.state(x)
     m, n = robot.m, robot.n
-    stiffness = Motion.of(actuation, robot.basis, *robot.split(x)).stiffness
+    stiffness = Motion.of(actuation, robot.basis, *robot.split(state.x)).stiffness
     u, q = state.xi[:, 3 * n : 3 * n + m], state.xi[:, :n]
     v, a = state.xi[:, n : 2 * n], state.xi[:, 2 * n : 3 * n]
     N_A = robot.drive_jacobian(q)
     share = (N_A @ np.linalg.pinv(N_A) @ u[:, :, None])[..., 0]
+    if rng is not None:
+        size = INTERNAL * np.abs(share).max()
+        for i in actuation.free:
+            share[:, i] += size * _detour(rng, robot.t, robot.basis.period, max(HARMONICS))
     z = np.empty((q.shape[0], len(actuation.free)))
     for j, i in enumerate(actuation.free):
         joint, drive = actuation.mechanism.actuated[i], actuation.drives[i]

@@ -27,18 +27,24 @@ class Reference:
 
     Attributes
     ----------
-    problem : robot and task.
-    motion : the stored flat output and stiffnesses.
+    solution : the stored flat output and stiffnesses, with robot and task, as loaded; its energies are its own.
     t : (K,) uniform, from 0, without the period's end.
     series : by name, (K, ...).
     energy : per cycle, as the result prints it [J].
     """
 
-    problem: Problem
-    motion: Motion
+    solution: Solution
     t: np.ndarray
     series: dict[str, np.ndarray]
     energy: float
+
+    @property
+    def problem(self) -> Problem:
+        return self.solution.problem
+
+    @property
+    def motion(self) -> Motion:
+        return self.solution.motion
 
     @property
     def period(self) -> float:
@@ -121,4 +127,4 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
             raise InputError(
                 "This series has missing or too many numbers.", "Solve the task again.", file=file, key=name
             )
-    return Reference(problem, solution.motion, t, series, energy)
+    return Reference(solution, t, series, energy)

@@ -12,6 +12,7 @@ from scipy.integrate import simpson
 from pkmsea.problem import Bound
 from pkmsea.solution import Solution
 from pkmsea.solution.audit import IDLE
+from pkmsea.solver import Optimality
 from pkmsea.verification.dynamics import Robot
 from pkmsea.verification.observe import Observed, observe
 from pkmsea.verification.reference import Reference, reference
@@ -53,6 +54,7 @@ class Verification:
     limits : relative excess per limited quantity in the cycles; negative if kept.
     inverse, direct : smallest distance to singularities of type 1 and 2, in [0, 1].
     resolution : error, relative to the peak torque, at which every second torque sample predicts those in between.
+    optimality : first- and second-order conditions of a local minimum; None where they are not available.
     faults : what speaks against the result, one sentence each.
     """
 
@@ -73,6 +75,7 @@ class Verification:
     inverse: float
     direct: float
     resolution: float
+    optimality: Optimality | None
     faults: tuple[str, ...]
 
     @property
@@ -121,6 +124,7 @@ def verify(source: Solution | str | Path) -> Verification:
         "inverse": float(inverse),
         "direct": float(direct),
         "resolution": said.resolution,
+        "optimality": said.solution.optimality(),
     }
     return Verification(**measured, faults=_faults(measured, said))
 
@@ -183,4 +187,7 @@ def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:
         (found["resolution"] <= RESOLUTION, "the samples are too coarse for the torque (off by {resolution:.1e})"),
         *((x <= LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in found["limits"].items()),
     ]  # fmt: skip
-    return tuple(text.format(**found) for kept, text in checks if not kept)
+    faults = [text.format(**found) for kept, text in checks if not kept]
+    faults += [f"by the result's own audit, {fault}" for fault in said.solution.faults]
+    optimality = found["optimality"]
+    return *faults, *(optimality.faults if optimality else ())

@@ -24,10 +24,11 @@ NEAR_SINGULAR = 0.02  # reciprocal condition number that is drawn for redundant 
 
 
 @matplotlib.rc_context({"text.parse_math": False})  # names may have a dollar sign
-def overview(solutions: Sequence[Solution]) -> Figure:
+def overview(solutions: Sequence[Solution], failed: Sequence[str] = ()) -> Figure:
     """Path, cumulated energy and power of all setups above; positions and torques of each setup below.
 
-    Energies are in J, times in s; where a result is not verified its legend entry says so.
+    Energies are in J, times in s; where a result is not verified its legend entries and titles say so. Setups that
+    failed are named in the title.
     """
     columns = max(3, len(solutions))
     figure = Figure(figsize=(3.9 * columns, 10.4), layout="constrained")
@@ -41,7 +42,8 @@ def overview(solutions: Sequence[Solution]) -> Figure:
     for axes, solution in zip(torques, solutions, strict=True):
         torque_panel(axes, solution)
     first = solutions[0].problem
-    figure.suptitle(f"{first.task.name}: energy-optimal cycles of {first.cycle.period:g} s", fontsize=13)
+    missing = f"\nno result: {', '.join(failed)}" if failed else ""
+    figure.suptitle(f"{first.task.name}: energy-optimal cycles of {first.cycle.period:g} s{missing}", fontsize=13)
     return figure
 
 
@@ -65,7 +67,7 @@ def path_panel(axes: Any, solutions: Sequence[Solution]) -> None:
             drawn.add(key)
     for color, solution in zip(COLORS, solutions, strict=False):
         r_E = np.vstack([solution.series.r_E, solution.series.r_E[:1]])
-        axes.plot(*r_E.T, color=color, label=_label(solution), lw=1.4)
+        axes.plot(*r_E.T, color=color, label=solution.label, lw=1.4)
     for point in problem.cycle.points:
         axes.plot(*point.at, "ks", ms=4)
     axes.set(xlabel="x_E [m]", ylabel="y_E [m]", title="End-effector path", aspect="equal")
@@ -76,7 +78,7 @@ def _axis_over_time(axes: Any, solutions: Sequence[Solution]) -> None:
     problem = solutions[0].problem
     for color, solution in zip(COLORS, solutions, strict=False):
         for axis, style in zip(range(len(problem.span)), DRIVE_STYLES, strict=False):
-            name = _label(solution) if axis == 0 else None
+            name = solution.label if axis == 0 else None
             axes.plot(solution.series.t, solution.series.r_E[:, axis], style, color=color, label=name, lw=1.4)
     period = problem.cycle.period
     for w in problem.cycle.windows:
@@ -109,7 +111,7 @@ def energy_panel(axes: Any, solutions: Sequence[Solution]) -> None:
     for color, solution in zip(COLORS, solutions, strict=False):
         s = solution.series
         drawn = np.cumsum(np.maximum(s.power, 0)) * solution.problem.cycle.period / s.t.size
-        axes.plot(s.t, drawn, color=color, label=f"{_label(solution)}  {solution.energy:.4g} J", lw=1.4)
+        axes.plot(s.t, drawn, color=color, label=f"{solution.label}  {solution.energy:.4g} J", lw=1.4)
     axes.set(xlabel="t [s]", ylabel="E_el [J]", title="Cumulated energy")
     axes.legend(fontsize=8)
 
@@ -117,7 +119,7 @@ def energy_panel(axes: Any, solutions: Sequence[Solution]) -> None:
 def power_panel(axes: Any, solutions: Sequence[Solution]) -> None:
     """Electrical power on the bus; what is below zero is burnt."""
     for color, solution in zip(COLORS, solutions, strict=False):
-        axes.plot(solution.series.t, solution.series.power, color=color, label=_label(solution), lw=1.1)
+        axes.plot(solution.series.t, solution.series.power, color=color, label=solution.label, lw=1.1)
     axes.axhline(0, color="k", lw=0.6)
     axes.set(xlabel="t [s]", ylabel="P_el [W]", title="Power on the bus")
 
@@ -131,7 +133,7 @@ def position_panel(axes: Any, solution: Solution) -> None:
         if actuation.drives[i].elastic:
             axes.plot(s.t, s.q_M[:, i], "--", color=color, label=f"{label} motor", lw=1.1)
     unit = "rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "m"
-    axes.set(xlabel="t [s]", ylabel=f"q_A, q_M [{unit}]", title=f"{solution.name}: positions")
+    axes.set(xlabel="t [s]", ylabel=f"q_A, q_M [{unit}]", title=f"{solution.label}: positions")
     axes.legend(fontsize=7, ncols=2)
 
 
@@ -142,7 +144,7 @@ def torque_panel(axes: Any, solution: Solution) -> None:
         axes.plot(s.t, s.tau[:, i], color=COLORS[1 + i % (len(COLORS) - 1)], label=label, lw=1.2)
     unit = "N m" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "N"
     axes.axhline(0, color="k", lw=0.6)
-    axes.set(xlabel="t [s]", ylabel=f"tau [{unit}]", title=f"{solution.name}: motor torque")
+    axes.set(xlabel="t [s]", ylabel=f"tau [{unit}]", title=f"{solution.label}: motor torque")
     axes.legend(fontsize=7, ncols=3)
 
 
@@ -155,7 +157,3 @@ def save_figure(figure: Figure, path: Path) -> Path:
     with matplotlib.rc_context({"svg.fonttype": "none"}):
         write_whole(path, lambda temporary: figure.savefig(temporary, format=path.suffix[1:], dpi=150))
     return path
-
-
-def _label(solution: Solution) -> str:
-    return solution.name if solution.verified else f"{solution.name} (not verified)"

@@ -45,7 +45,7 @@ def write_page(solution: Solution, path: str | Path) -> Path:
     script = (Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
     commands = ",\n".join(f'"{base64.b64encode(command).decode()}"' for command in recorder.commands)
     page = _PAGE.format(
-        title=html.escape(f"{solution.problem.task.name}: {solution.name}"), caption=_caption(solution),
+        title=html.escape(f"{solution.problem.task.name}: {solution.label}"), caption=_caption(solution),
         script=script.replace("</script", "<\\/script"), commands=commands,
     )  # fmt: skip
     write_whole(path, lambda temporary: temporary.write_text(page, encoding="utf-8"))
@@ -224,7 +224,7 @@ def _caption(solution: Solution) -> str:
         f"{actuation.labels[i]} {c:.4g}" for i, c in zip(actuation.elastic, solution.stiffness, strict=True)
     )
     lines = [
-        f"<b>{html.escape(solution.name)}</b>",
+        f"<b>{html.escape(solution.label)}</b>",
         f"{solution.energy:.4g} J per cycle of {solution.problem.cycle.period:g} s, {html.escape(solution.status)}",
         f"springs [{unit}]: {html.escape(springs)}" if springs else "rigid drives",
         f"played {SLOW_MOTION:g} times slower; blue: rotors, orange: springs",

@@ -1,11 +1,10 @@
-"""Tables and progress on the terminal, and the same as plain records for --json."""
+"""Tables and progress on the terminal."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +14,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from pkmsea.errors import SolveError
 from pkmsea.mechanism import Mechanism
 from pkmsea.mechanism.workspace import reach, size
 from pkmsea.paper import Row
 from pkmsea.solution import Solution
-from pkmsea.solver import Start
+from pkmsea.solver import Optimality, Start
 from pkmsea.verification import Verification
+from pkmsea.views.records import failure_status, parallel_springs, ranked, relative
 
 PIPED_WIDTH = 160  # columns where there is no terminal
 
@@ -66,65 +67,44 @@ def progress(quiet: bool = False) -> Iterator[Report]:
         yield Report(bars)
 
 
-def solution_record(solution: Solution, reference: float | None) -> dict[str, Any]:
-    """One solution as plain data; `ratio` is relative to the first setup, null where that one has failed."""
-    audit = solution.audit()
-    return {
-        "setup": solution.name,
-        "energy": solution.claimed,
-        "energy_true": solution.energy,
-        "ratio": None if reference is None else solution.energy / reference,
-        "stiffness": [float(c) for c in solution.stiffness],
-        "parallel": [{"stiffness": float(k), "rest": float(rest)} for k, rest in _parallel(solution)],
-        "status": solution.status,
-        "verified": solution.verified,
-        "gap": audit.gap,
-        "power_balance": audit.balance,
-        "closure": audit.closure,
-        "meshes": [vars(mesh) for mesh in solution.meshes],
-        "starts": len(solution.starts),
-        "seconds": solution.seconds,
-    }
-
-
-def print_solutions(solutions: Sequence[Solution], reference: float | None) -> None:
-    """Setups side by side; the first one is the reference, and what is not verified comes last."""
-    ordered = sorted(solutions, key=lambda s: not s.verified)
-    table = Table(title=solutions[0].problem.task.name, box=box.SIMPLE_HEAD)
+def print_solutions(
+    solutions: Sequence[Solution], reference: Solution | None, failures: Mapping[str, SolveError]
+) -> None:
+    """Setups side by side, the first one is the reference; what is not verified comes behind, what failed last."""
+    doubtful = reference is not None and not reference.verified
+    caption = f"* relative to '{reference.name}', which is not verified" if reference and doubtful else None
+    table = Table(title=solutions[0].problem.task.name, box=box.SIMPLE_HEAD, caption=caption, caption_justify="left")
     for name, justify in (
         ("setup", "left"), ("E true [J]", "right"), ("E claimed [J]", "right"), ("relative", "right"),
-        ("stiffness [N m/rad, N/m]", "left"), ("best optima", "right"), ("time [s]", "right"), ("status", "left"),
+        ("stiffness [N m/rad, N/m]", "left"), ("optima", "left"), ("time [s]", "right"), ("status", "left"),
     ):  # fmt: skip
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    for s in ordered:
-        ratio = None if reference is None else s.energy / reference
-        optima = f"{_optima(s)} of {len(s.starts)} starts"
+    for s in ranked(solutions, lambda s: s.verified):
         table.add_row(
-            s.name, f"{s.energy:.4g}", f"{s.claimed:.4g}", _or_dash(ratio, ".1%"), _all_springs(s),
-            optima, f"{s.seconds:.1f}", s.status,
+            s.name, f"{s.energy:.4g}", f"{s.claimed:.4g}", _ratio(relative(s, reference), doubtful), _all_springs(s),
+            _optima(s), f"{s.seconds:.1f}", s.status,
         )  # fmt: skip
+    for name, error in failures.items():
+        table.add_row(name, *"------", failure_status(error))
     console().print(table)
 
 
-def verification_record(name: str, found: Verification) -> dict[str, Any]:
-    """One verification as plain data."""
-    return {"result": name, "status": found.status, "verified": found.verified, **asdict(found)}
-
-
-def print_verifications(found: dict[str, Verification]) -> None:
-    """Results side by side, and under the table what speaks against them."""
+def print_verifications(found: Mapping[str, Verification], failures: Mapping[str, SolveError]) -> None:
+    """Results side by side, those not verified behind, and under the table what speaks against them."""
     table = Table(title="forward simulation", box=box.SIMPLE_HEAD)
     for heading in (
         "result", "E [J]", "E simulated [J]", "gap", "end effector [m]", "motors [rad, m]", "loops [m]", "balance",
-        "feedback", "singularity", "status",
+        "feedback", "singularity", "KKT", "optimum", "status",
     ):  # fmt: skip
-        table.add_column(heading, justify="left" if heading in ("result", "status") else "right")
-    for name, v in found.items():
+        table.add_column(heading, justify="left" if heading in ("result", "optimum", "status") else "right")
+    for name, v in ranked(found.items(), lambda item: item[1].verified):
         table.add_row(
             _short_path(name), f"{v.energy:.5g}", f"{v.simulated:.5g}", f"{v.gap:.0e}", f"{v.end_effector:.0e}",
             f"{v.motors:.0e}", f"{v.closure:.0e}", f"{v.balance:.0e}", f"{v.feedback:.0e}",
-            f"{min(v.inverse, v.direct):.3f}", "verified" if v.verified else "not verified",
+            f"{min(v.inverse, v.direct):.3f}", *_optimality(v.optimality), "verified" if v.verified else "not verified",
         )  # fmt: skip
+    for name in failures:
+        table.add_row(_short_path(name), *"-----------", "failed")
     out = console()
     out.print(table)
     for name, v in found.items():
@@ -132,8 +112,8 @@ def print_verifications(found: dict[str, Verification]) -> None:
             out.print(f"{name}: {v.status}", markup=False)
 
 
-def print_rows(rows: Sequence[Row]) -> None:
-    """The paper's tables beside ours."""
+def print_rows(rows: Sequence[Row], failures: Mapping[tuple[int, str], SolveError]) -> None:
+    """The paper's tables beside ours; what is not verified comes behind, what failed at the end."""
     out = console()
     for number in sorted({row.table for row in rows}):
         chosen = [row for row in rows if row.table == number]
@@ -145,13 +125,15 @@ def print_rows(rows: Sequence[Row]) -> None:
         for name in ("setup", "E paper", "E claimed", "E true [J]", "ratio paper", "ratio", "c paper", "c", "status"):
             table.add_column(name, justify="left" if name in ("setup", "c paper", "c", "status") else "right")
         table.add_column("remark", justify="left")
-        for row in chosen:
+        for row in ranked(chosen, lambda row: row.solution.verified):
             s = row.solution
             table.add_row(
                 row.setup, _or_dash(row.paper_energy, ".3g"), f"{s.claimed:.4g}", f"{s.energy:.4g}",
-                _or_dash(row.paper_ratio, ".1%"), f"{row.ratio:.1%}", _springs(row.paper_stiffness),
-                _springs(s.stiffness), s.status, row.remark,
+                _or_dash(row.paper_ratio, ".1%"), _ratio(row.ratio, row.reference_verified is False),
+                _springs(row.paper_stiffness), _springs(s.stiffness), s.status, row.remark,
             )  # fmt: skip
+        for (_, name), error in ((key, error) for key, error in failures.items() if key[0] == number):
+            table.add_row(name, *"-------", failure_status(error), "")
         out.print(table)
 
 
@@ -228,25 +210,33 @@ def _short_path(name: str) -> str:
 
 def _all_springs(solution: Solution) -> str:
     """Stiffnesses in series; those in parallel with their rest positions [rad, m]."""
-    beside = "; ".join(f"{k:.3g} at {rest:.3g}" for k, rest in _parallel(solution))
+    beside = "; ".join(f"{k:.3g} at {rest:.3g}" for k, rest in parallel_springs(solution))
     return f"{_springs(solution.stiffness)} | parallel {beside}" if beside else _springs(solution.stiffness)
-
-
-def _parallel(solution: Solution) -> np.ndarray:
-    """Stiffness and rest position of each parallel spring, (springs, 2)."""
-    found = solution.motion.parallel
-    return np.asarray(found[~np.isnan(found[:, 0])])
 
 
 def _springs(stiffness: Any) -> str:
     return ", ".join(f"{c:.3g}" for c in stiffness) or "-"
 
 
+def _ratio(value: float | None, doubtful: bool) -> str:
+    """With a star where the reference is not verified."""
+    return _or_dash(value, ".1%") + ("*" if doubtful else "")
+
+
+def _optima(solution: Solution) -> str:
+    """'3, best 5x of 12 starts': distinct optima, and how many starts found the best."""
+    optima = solution.optima
+    found = f"{len(optima)}, best {optima[0].count}x" if optima else "none"
+    return f"{found} of {len(solution.starts)} starts"
+
+
+def _optimality(found: Optimality | None) -> tuple[str, str]:
+    """KKT residual, and the kind of the optimum."""
+    if found is None:
+        return "-", "not available"
+    kind = f"{found.kind} ({found.negative} negative)" if found.negative else found.kind
+    return f"{found.error:.0e}", kind if found.stationary else "not stationary"
+
+
 def _or_dash(value: float | None, form: str) -> str:
     return "-" if value is None else format(value, form)
-
-
-def _optima(solution: Solution) -> int:
-    from pkmsea.solver.multistart import distinct
-
-    return len(distinct(start for start in solution.starts if start.finished))

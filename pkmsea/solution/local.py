@@ -1,0 +1,41 @@
+"""Whether a motion is a local optimum, asked on the very mesh on which it was solved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pkmsea.problem import Problem
+from pkmsea.solution.refine import Mesh
+from pkmsea.solver.optimality import Optimality, last_parameter, optimality
+from pkmsea.transcription import Motion, transcribe_on
+
+SAME = 1e-9  # relative change of coefficients and stiffnesses on their way to the mesh: rounding
+
+
+def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit: float) -> Optimality | None:
+    """The conditions of a local minimum at a motion, energies relative to `unit` [J]; see `Optimality`.
+
+    None where the motion has no NLP: the paper's transcription, no solved mesh, or a stiffness outside its bounds.
+    """
+    solved = [mesh for mesh in meshes if mesh.energy is not None]
+    transcription = transcribe_on(problem, motion.basis, solved[-1].samples) if solved else None
+    if transcription is None:
+        return None
+    x = transcription.transfer(motion)
+    again = transcription.motion(x)
+    for name in ("coefficients", "stiffness", "parallel"):
+        old, new = (np.nan_to_num(getattr(m, name)) for m in (motion, again))
+        if not np.allclose(new, old, rtol=SAME, atol=SAME * np.abs(old).max(initial=0.0)):
+            return None
+    found = None
+    for limited in (False, True):  # like the solve, which puts the limits of drives and joints in where they are needed
+        try:
+            nlp = transcription.nlp(x, limited)
+            found = optimality(nlp, x, last_parameter(nlp, x), unit)
+        except (FloatingPointError, RuntimeError):  # CasADi's word for a point that cannot be evaluated
+            return None
+        if found.stationary or not problem.bounds:
+            break
+    return found

@@ -1,0 +1,90 @@
+"""What is printed, as plain data for --json; what is verified comes first, what has failed last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, TypeVar
+
+import numpy as np
+
+from pkmsea.errors import SolveError
+from pkmsea.paper import Row
+from pkmsea.solution import Solution
+from pkmsea.verification import Verification
+
+T = TypeVar("T")
+
+
+def ranked(results: Iterable[T], verified: Callable[[T], bool]) -> list[T]:
+    """The same order, but what is not verified comes last."""
+    return sorted(results, key=lambda result: not verified(result))
+
+
+def relative(solution: Solution, reference: Solution | None) -> float | None:
+    """Energy over that of the reference; None where that one has failed."""
+    return None if reference is None else solution.energy / reference.energy
+
+
+def solutions(
+    solved: Iterable[Solution], reference: Solution | None, failures: Mapping[str, SolveError]
+) -> list[dict[str, Any]]:
+    """The setups of a task."""
+    found = [solution_record(s, reference) for s in ranked(solved, lambda s: s.verified)]
+    return found + [_failure(error, setup=name) for name, error in failures.items()]
+
+
+def rows(found: Sequence[Row], failures: Mapping[tuple[int, str], SolveError]) -> list[dict[str, Any]]:
+    """The paper's rows, table by table."""
+    best_first = sorted(found, key=lambda row: (row.table, not row.solution.verified))
+    failed = [_failure(error, table=number, setup=name) for (number, name), error in failures.items()]
+    return [row.record() for row in best_first] + failed
+
+
+def verifications(found: Mapping[str, Verification], failures: Mapping[str, SolveError]) -> list[dict[str, Any]]:
+    """Verifications by the name of the result."""
+    checked = [
+        {"result": name, "status": v.status, "verified": v.verified, **asdict(v)}
+        for name, v in ranked(found.items(), lambda item: item[1].verified)
+    ]
+    return checked + [_failure(error, result=name) for name, error in failures.items()]
+
+
+def solution_record(solution: Solution, reference: Solution | None) -> dict[str, Any]:
+    """One solution; `ratio` is relative to the first setup, null where that one has failed."""
+    audit, optimality = solution.audit(), solution.optimality()
+    return {
+        "setup": solution.name,
+        "energy": solution.claimed,
+        "energy_true": solution.energy,
+        "ratio": relative(solution, reference),
+        "reference_verified": None if reference is None else reference.verified,
+        "stiffness": [float(c) for c in solution.stiffness],
+        "parallel": [{"stiffness": float(k), "rest": float(rest)} for k, rest in parallel_springs(solution)],
+        "status": solution.status,
+        "verified": solution.verified,
+        "gap": audit.gap,
+        "power_balance": audit.balance,
+        "closure": audit.closure,
+        "optimality": optimality and asdict(optimality),
+        "meshes": [vars(mesh) for mesh in solution.meshes],
+        "optima": [asdict(optimum) for optimum in solution.optima],
+        "starts": len(solution.starts),
+        "unusable_starts": sum(not start.usable for start in solution.starts),
+        "seconds": solution.seconds,
+    }
+
+
+def failure_status(error: SolveError) -> str:
+    """In place of a result's status."""
+    return f"failed: {error.cause}"
+
+
+def parallel_springs(solution: Solution) -> np.ndarray:
+    """Stiffness and rest position of each parallel spring, (springs, 2)."""
+    found = solution.motion.parallel
+    return np.asarray(found[~np.isnan(found[:, 0])])
+
+
+def _failure(error: SolveError, **what: Any) -> dict[str, Any]:
+    return {**what, "energy_true": None, "ratio": None, "status": failure_status(error), "verified": False}
