@@ -224,6 +224,7 @@ class StartRecord(Record):
     seconds: float
     limited: bool
     finished: bool
+    repeats: int | None = None
 
     def start(self) -> Start:
         energy = np.inf if self.energy is None else self.energy
