@@ -24,7 +24,8 @@ from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load
 from pkmsea.task import load_task
 from pkmsea.verification.reference import reference
-from pkmsea.views.tables import mechanism_record, solution_record
+from pkmsea.views.records import solutions
+from pkmsea.views.tables import mechanism_record
 
 ALL = {"task": 400, "mechanism": 250, "result": 350}  # the 1,000 of the long run
 SHARE = 0.12  # of them in the default run
@@ -197,7 +198,7 @@ def use_result(path: Path) -> None:
     assert loaded.verified == (loaded.status == "verified")
     if loaded.verified:
         assert loaded.energy == pytest.approx(loaded.claimed, rel=loaded.problem.options.energy_tolerance, abs=1e-6)
-    solution_record(loaded, None)
+    solutions([loaded], None, {})
 
 
 KINDS: dict[str, tuple[Callable[..., Path], Callable[[Path], None]]] = {
