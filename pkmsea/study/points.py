@@ -9,7 +9,7 @@ from itertools import pairwise, product
 import numpy as np
 from scipy.stats import qmc
 
-from pkmsea.study.study import Grid, Interval, Sample, Study, Values
+from pkmsea.study.study import Grid, Sample, Study
 
 ALIKE = 9  # decimals of a distance: grid points at the same distance are neighbours of the same rank
 DIGITS = 12  # of a value: the ends of a logarithmic interval are themselves
@@ -45,7 +45,7 @@ def points_of(study: Study) -> Points:
     """All points of a grid or a sample, in its own order."""
     varied = list(study.vary.values())
     if isinstance(study.sample, Grid):
-        axes = [np.linspace(0, 1, _count(v)) if _count(v) > 1 else np.array([0.5]) for v in varied]
+        axes = [np.linspace(0, 1, v.size) if v.size > 1 else np.array([0.5]) for v in varied]
         unit = np.array(list(product(*axes)))
     else:
         assert isinstance(study.sample, Sample)
@@ -58,7 +58,7 @@ def values_at(study: Study, unit: np.ndarray) -> np.ndarray:
     """Values of the parameters at places of the unit cube, (points, parameters)."""
     columns = []
     for varied, x in zip(study.vary.values(), unit.T, strict=True):
-        if isinstance(varied, Values):
+        if varied.values is not None:
             index = np.minimum((x * len(varied.values)).astype(int), len(varied.values) - 1)
             columns.append(np.array(varied.values)[index])
             continue
@@ -85,7 +85,3 @@ def levels(points: Points) -> list[list[int]]:
         borders.append(min(end, count))
         end *= 2
     return [order[a:b] for a, b in pairwise(borders)]
-
-
-def _count(varied: Values | Interval) -> int:
-    return len(varied.values) if isinstance(varied, Values) else varied.count or 1

@@ -15,7 +15,7 @@ from pkmsea.files import file_name
 from pkmsea.study.fingerprint import fingerprint
 from pkmsea.study.point import Job, failure, lost, save_best, solve_point
 from pkmsea.study.points import Points, levels, points_of
-from pkmsea.study.pool import unordered
+from pkmsea.study.pool import Pool, open_pool
 from pkmsea.study.search import Searcher
 from pkmsea.study.study import Search, Study, load_study
 from pkmsea.study.table import DONE, FAILED, HIDDEN, NAME, VERIFIED, Table, best, first_claim, rank, records
@@ -83,12 +83,13 @@ def run_study(
     study = load_study(source) if isinstance(source, str | Path) else source
     out = Path(out)
     drives = check(study, out)
-    table = Table(out / NAME, list(study.vary), drives, fingerprint(study))
     interrupted = False
-    try:
-        _Run(study, out, table, workers, scheduler, progress).everything()
-    except KeyboardInterrupt:
-        interrupted = True
+    with open_pool(workers, scheduler) as pool:
+        table = Table(out / NAME, list(study.vary), drives, fingerprint(study))
+        try:
+            _Run(study, out, table, pool, progress).everything()
+        except KeyboardInterrupt:
+            interrupted = True
     rows = table.rows()
     table.close()
     if study.results != "none":
@@ -104,12 +105,10 @@ class _Run:
         study: Study,
         out: Path,
         table: Table,
-        workers: int | None,
-        scheduler: str | None,
+        pool: Pool,
         progress: Callable[[Progress], None] | None,
     ) -> None:
-        self.study, self.out, self.table = study, out, table
-        self.workers, self.scheduler, self.progress = workers, scheduler, progress
+        self.study, self.out, self.table, self.pool, self.progress = study, out, table, pool, progress
         self.rows: dict[Key, Row] = {}
         for row in records(table.rows()):
             self.rows[row["case"], row["setup"], row["point"], row["round"]] = row
@@ -187,7 +186,7 @@ class _Run:
     def _finish(self, jobs: Iterable[Job | None]) -> None:
         """Solve jobs and store their rows as they come."""
         todo = [job for job in jobs if job is not None]
-        for row in unordered(solve_point, todo, self.workers, self.scheduler, lost):
+        for row in self.pool.unordered(solve_point, todo, lost):
             self._add(row)
 
     def _add(self, row: Row) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmsea.errors import InputError
 from pkmsea.study.points import Points
-from pkmsea.study.study import Search, Study, Values
+from pkmsea.study.study import Search, Study, Varied
 
 
 class Searcher:
@@ -30,7 +30,7 @@ class Searcher:
         self._study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=sample.seed))
         self._ranges: dict[str, Any] = {
             name: optuna.distributions.CategoricalDistribution(varied.values)
-            if isinstance(varied, Values)
+            if varied.values is not None
             else optuna.distributions.FloatDistribution(*varied.ends, log=varied.logarithmic)
             for name, varied in study.vary.items()
         }
@@ -57,9 +57,9 @@ class Searcher:
             self._study.tell(trial, energy, state=self._failed if energy is None else None)
 
 
-def _unit(value: float, varied: Any) -> float:
+def _unit(value: float, varied: Varied) -> float:
     """Where a value lies between the ends of its range, 0 to 1."""
-    if isinstance(varied, Values):
+    if varied.values is not None:
         return varied.values.index(value) / max(len(varied.values) - 1, 1)
     low, high, x = np.log([*varied.ends, value]) if varied.logarithmic else (*varied.ends, value)
     return float((x - low) / (high - low))

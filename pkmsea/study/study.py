@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from pkmsea.actuation.drive import Positive
 from pkmsea.errors import InputError, NameNotFound
 from pkmsea.files import Record, read
 from pkmsea.study.expressions import names_in
@@ -38,56 +39,38 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Expression = Number | str
 
 
-class Values(Record):
-    """Listed values."""
+class Varied(Record):
+    """What a parameter goes through: listed `values`, or an interval, evenly by `range` or by the logarithm of `log`."""
 
-    values: tuple[Number, ...] = Field(min_length=1)
-    label: str | None = Field(None, description="of the axis in figures, with the unit")
-
-    @model_validator(mode="after")
-    def _differ(self) -> Values:
-        if len(set(self.values)) < len(self.values):
-            raise ValueError("a value stands twice")
-        return self
-
-    @property
-    def first(self) -> float:
-        return self.values[0]
-
-    @property
-    def logarithmic(self) -> bool:
-        return False
-
-
-class Interval(Record):
-    """Values between two ends, evenly spread over `range`, or over the logarithm of `log`."""
-
+    values: tuple[Number, ...] | None = Field(None, min_length=1)
     range: tuple[Number, Number] | None = None
-    log: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]] | None = None
-    count: int | None = Field(None, ge=1, description="values on a grid, ends included")
+    log: tuple[Positive, Positive] | None = None
+    count: int | None = Field(None, ge=1, description="values of an interval on a grid, ends included")
     label: str | None = Field(None, description="of the axis in figures, with the unit")
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Interval:
-        if (self.range is None) == (self.log is None):
-            raise ValueError("give either values, range or log")
-        if self.ends[0] >= self.ends[1]:
+    def _one_kind(self) -> Varied:
+        if sum(kind is not None for kind in (self.values, self.range, self.log)) != 1:
+            raise ValueError("give one of values, range and log")
+        if self.values is not None and (self.count is not None or len(set(self.values)) < len(self.values)):
+            raise ValueError("values have no count, and none of them twice")
+        if self.values is None and self.ends[0] >= self.ends[1]:
             raise ValueError("the interval is empty; its first end must be below the second")
         return self
 
     @property
     def ends(self) -> tuple[float, float]:
-        ends = self.range or self.log
-        assert ends is not None
-        return ends
-
-    @property
-    def first(self) -> float:
-        return self.ends[0]
+        """The ends of an interval, or the least and the largest value."""
+        return self.range or self.log or (min(self.values or (0.0,)), max(self.values or (0.0,)))
 
     @property
     def logarithmic(self) -> bool:
         return self.log is not None
+
+    @property
+    def size(self) -> int:
+        """How many values it has on a grid."""
+        return len(self.values) if self.values else self.count or 1
 
 
 class Grid(Record):
@@ -141,7 +124,7 @@ class Study(Record):
     name: str = Field(min_length=1, max_length=200)
     task: str = Field(description="task file, relative to the study file")
     setups: tuple[str, ...] | None = Field(None, min_length=1, description="default: all of the task")
-    vary: dict[Name, Values | Interval] = Field(min_length=1, description="keys of the task, or names for `set`")
+    vary: dict[Name, Varied] = Field(min_length=1, description="keys of the task, or names for `set`")
     set: dict[Name, Expression] = Field(default_factory=dict, description="keys of the task by expressions")
     cases: dict[Name, Case] = Field(default_factory=lambda: {"all": Case()}, min_length=1)
     sample: Annotated[Grid | Sample | Search, Field(discriminator="kind")] = Grid()
@@ -160,7 +143,7 @@ class Study(Record):
                 raise ValueError(f"'{name}' names a column of the table already; choose another name in vary")
         grid = isinstance(self.sample, Grid)
         for name, varied in self.vary.items():
-            if isinstance(varied, Interval) and grid and varied.count is None:
+            if grid and varied.values is None and varied.count is None:
                 raise ValueError(f"vary.{name} has no count, which a grid needs")
         if self.starts + self.neighbours == 0:
             raise ValueError("without starts and neighbours there is nothing to begin from")
@@ -177,7 +160,7 @@ class Study(Record):
     def size(self) -> int:
         """Points per case."""
         if isinstance(self.sample, Grid):
-            return math.prod(len(v.values) if isinstance(v, Values) else v.count or 1 for v in self.vary.values())
+            return math.prod(varied.size for varied in self.vary.values())
         return self.sample.count
 
     @property

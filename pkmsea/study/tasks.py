@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from pkmsea.errors import InputError
+import numpy as np
+
+from pkmsea.errors import InputError, NameNotFound
 from pkmsea.problem import build_problem
 from pkmsea.study.changes import changed_task
 from pkmsea.study.expressions import evaluate
+from pkmsea.study.points import values_at
 from pkmsea.study.study import Study
 from pkmsea.task import Task
 
@@ -36,23 +39,34 @@ def task_at(study: Study, case: str, values: Mapping[str, float] | None, out: Pa
         return changed_task(study.base, numbers, out / MECHANISMS)
     except InputError as error:
         changed = ", ".join(f"{key} = {number:.6g}" for key, number in numbers.items())
-        error.cause += "" if error.key in expressions else f" ({error.key or 'the task'}, with {changed})"
+        if error.key not in expressions:
+            error.cause = f"With {changed}, {error.key or 'the task'} is impossible: {error.cause}"
         error.file, error.key = study.file, expressions.get(error.key or "", ("vary",))[0]
         raise
 
 
 def check(study: Study, out: Path) -> int:
-    """Whether the study's first point makes sense in every case; returns the largest number of drives.
+    """Whether every case makes sense at one of three points at least; returns the largest number of drives.
 
     Raises
     ------
     InputError : names the key of the study file.
     """
-    first = {name: varied.first for name, varied in study.vary.items()}
-    drives = 0
-    for case in study.cases:
-        task = task_at(study, case, first, out)
-        if study.optimum:
-            task_at(study, case, None, out)
-        drives = max(drives, *(build_problem(task, name).actuation.m for name in study.names))
-    return drives
+    ends = np.array([[0.0], [0.5], [1.0]]).repeat(len(study.vary), axis=1)
+    trials = [dict(zip(study.vary, values, strict=True)) for values in values_at(study, ends).tolist()]
+    return max(_drives(study, case, trials, out) for case in study.cases)
+
+
+def _drives(study: Study, case: str, trials: list[dict[str, float]], out: Path) -> int:
+    if study.optimum:
+        task_at(study, case, None, out)
+    faults = []
+    for values in trials:
+        try:
+            task = task_at(study, case, values, out)
+            return max(build_problem(task, name).actuation.m for name in study.names)
+        except NameNotFound:
+            raise
+        except InputError as error:
+            faults.append(error)
+    raise faults[0]

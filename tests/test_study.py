@@ -1,0 +1,238 @@
+"""Studies: the same table whoever solves the points, in whatever order and after whatever interruption."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from pkmsea.errors import InputError, PkmseaError
+from pkmsea.study import load_study, pool, run_study
+from pkmsea.study.point import Job, solve_point
+from pkmsea.study.points import levels, points_of
+
+TASK = {
+    "name": "axis",
+    "cycle": {"period": 2.0, "points": [{"at": [0.7], "rest": 0.275, "window": 1e-3},
+                                        {"at": [1.1], "rest": 0.275, "window": 1e-3}]},
+    "setups": [
+        {"name": "rigid", "mechanism": "linear_axis_1",
+         "drives": {"kind": "rigid", "inertia": 5, "friction": 2, "copper_loss": 1.5e-3}},
+        {"name": "elastic", "mechanism": "linear_axis_1",
+         "drives": {"kind": "sea", "inertia": 5, "friction": 2, "copper_loss": 1.5e-3,
+                    "stiffness": {"bounds": [5, 1000]}}},
+    ],
+    "options": {"starts": 2, "meshes": 2, "trajectory": {"kind": "fourier", "order": 8}},
+}  # fmt: skip
+STUDY: dict[str, Any] = {
+    "name": "springs and time", "task": "task.yaml", "setups": ["elastic"],
+    "vary": {"c": {"log": [40, 160], "count": 3}, "cycle.period": {"range": [1.8, 2.2], "count": 4}},
+    "set": {"drives.0.stiffness": "c"}, "rounds": 2, "results": "none",
+}  # fmt: skip
+
+
+def write(folder: Path, study: dict[str, Any], task: dict[str, Any] = TASK) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "task.yaml").write_text(yaml.safe_dump(task))
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    return folder / "study.yaml"
+
+
+def plain(table: pd.DataFrame) -> pd.DataFrame:
+    """A table without what a clock says."""
+    return table.drop(columns="seconds")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("study")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(folder: Path) -> pd.DataFrame:
+    """The study in one go, in this process."""
+    result = run_study(write(folder, STUDY), folder / "alone", workers=1)
+    assert (result.table["status"] == "verified").all()
+    return plain(result.table)
+
+
+def test_every_point_is_in_one_level(folder: Path) -> None:
+    points = points_of(load_study(write(folder, STUDY)))
+    order = [point for level in levels(points) for point in level]
+    assert sorted(order) == list(range(12))
+    assert [len(level) for level in levels(points)] == [8, 4]
+    assert {tuple(points.values[i]) for i in order[:5]} >= {(40, 1.8), (160, 2.2)}  # the corners come early
+
+
+def test_two_workers_find_the_same_table(folder: Path, undisturbed: pd.DataFrame) -> None:
+    found = run_study(folder / "study.yaml", folder / "two", workers=2)
+    pd.testing.assert_frame_equal(plain(found.table), undisturbed)
+
+
+def test_a_cluster_finds_the_same_table(folder: Path, undisturbed: pd.DataFrame) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        found = run_study(folder / "study.yaml", folder / "cluster", scheduler=cluster.scheduler_address)
+    pd.testing.assert_frame_equal(plain(found.table), undisturbed)
+
+
+def test_no_cluster_at_the_address(folder: Path) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="scheduler"):
+        run_study(folder / "study.yaml", folder / "nowhere", scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_a_stopped_study_goes_on(folder: Path, undisturbed: pd.DataFrame, how: signal.Signals) -> None:
+    """Stopped after some of its points, and run again: the same table; nothing is solved twice."""
+    out = folder / how.name
+    program = f"from pkmsea.study import run_study; run_study({str(folder / 'study.yaml')!r}, {str(out)!r}, workers=1)"
+    process = subprocess.Popen([sys.executable, "-c", program])
+    while _rows(out) < 4 and process.poll() is None:
+        time.sleep(0.02)
+    process.send_signal(how)
+    process.wait(timeout=30)
+    before = _rows(out)
+    assert 4 <= before < 24
+    solved: list[int] = []
+    found = run_study(folder / "study.yaml", out, workers=1, progress=lambda p: solved.append(p.done))
+    assert solved[0] == before
+    pd.testing.assert_frame_equal(plain(found.table), undisturbed)
+
+
+def _rows(out: Path) -> int:
+    import sqlite3
+
+    if not (out / "study.sqlite").exists():
+        return 0
+    try:
+        with sqlite3.connect(f"file:{out / 'study.sqlite'}?mode=ro", uri=True) as base:
+            return int(base.execute("SELECT count(*) FROM points").fetchone()[0])
+    except sqlite3.OperationalError:
+        return 0
+
+
+def test_a_changed_study_is_noticed(folder: Path, undisturbed: pd.DataFrame) -> None:
+    changed = write(folder / "changed", STUDY | {"starts": 2})
+    with pytest.raises(InputError, match="study file differed"):
+        run_study(changed, folder / "alone")
+    task = TASK | {"options": TASK["options"] | {"seed": 1}}  # type: ignore[operator]
+    with pytest.raises(InputError, match="its task differed"):
+        run_study(write(folder / "changed", STUDY, task), folder / "alone")
+
+
+def test_failed_points_are_rows(folder: Path) -> None:
+    """A period too short for the rests, and one in which the end effector leaves the guide."""
+    study = STUDY | {"vary": {"cycle.period": {"values": [0.5, 2.0]}}, "set": {}, "rounds": 1, "optimum": True}
+    result = run_study(write(folder / "failing", study), folder / "failing" / "out", workers=1)
+    assert list(result.table["status"]) == ["failed", "verified"]
+    assert "overlap" in result.table["reason"][0]
+    assert result.optima["energy"][0] == pytest.approx(result.table["energy"][1], rel=1e-3)  # the period is 2 s already
+
+
+def test_search_finds_the_best_period(folder: Path) -> None:
+    """An outer loop over the period: longer is cheaper, and the same trials come again after a stop."""
+    pytest.importorskip("optuna")
+    study = STUDY | {"vary": {"cycle.period": {"range": [1.5, 2.5]}}, "set": {}, "rounds": 1, "starts": 1,
+                     "sample": {"kind": "search", "count": 10, "together": 5}}  # fmt: skip
+    path = write(folder / "search", study)
+    result = run_study(path, folder / "search" / "out", workers=1)
+    best = result.table.sort_values("energy").iloc[0]
+    assert best["cycle.period"] == result.table["cycle.period"].max() > 2.2
+    again = run_study(path, folder / "search" / "again", workers=1)
+    pd.testing.assert_frame_equal(plain(again.table), plain(result.table))
+
+
+class Deadly:
+    """Dies once at one of its jobs, taking the worker's process with it."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __call__(self, job: Job) -> dict[str, Any]:
+        if job.key[2] == 1 and not self.mark.exists():
+            self.mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return dict(zip(("case", "setup", "point", "round"), job.key, strict=True))
+
+
+def test_a_killed_worker_costs_no_point(tmp_path: Path) -> None:
+    jobs = [Job(("all", "elastic", point, 0), {}, "", None) for point in range(6)]
+    rows = list(pool.Pool(2).unordered(Deadly(tmp_path / "mark"), jobs, lambda job: {}))
+    assert sorted(row["point"] for row in rows) == list(range(6))
+
+
+def test_an_unexpected_error_is_a_row() -> None:
+    row = solve_point(Job(("all", "elastic", 0, 0), {"c": 1.0}, "{}", None))
+    assert row["status"] == "failed" and "ValidationError" in row["reason"]
+
+
+@pytest.fixture
+def base(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "text"),
+    [
+        ({"vary": {"drives.0.stifness": {"values": [1.0]}}, "set": {}}, "vary.drives.0.stifness", "stiffness"),
+        ({"vary": {"cycle.periode": {"values": [1.0]}}, "set": {}}, "vary.cycle.periode", "period"),
+        ({"vary": {"mechanism.joint.nobody.origin.x": {"values": [1.0]}}, "set": {}}, "vary.mechanism", "joint"),
+        ({"vary": {"c": {"log": [1, 100]}}}, None, "vary.c has no count"),
+        ({"vary": {"c": {"values": []}}}, "vary.c.values", "at least 1"),
+        ({"vary": {"c": {"range": [5, 5], "count": 3}}}, "vary.c", "empty"),
+        ({"vary": {"c": {"range": [float("nan"), 5], "count": 3}}}, "vary.c.range.0", "finite"),
+        ({"vary": {"c": {"log": [0, 5], "count": 3}}}, "vary.c.log.0", "greater than 0"),
+        ({"vary": {f"{x}": {"log": [1, 5], "count": 1000} for x in "abc"}, "set": {"cycle.period": "a*b*c"}}, None,
+         "points, more than"),
+        ({"vary": {"energy": {"values": [1.0]}}}, None, "names a column"),
+        ({"set": {"drives.0.stiffness": "k"}}, "set.drives.0.stiffness", "'k'"),
+        ({"set": {"drives.0.stiffness": "c.__class__"}}, "set.drives.0.stiffness", "arithmetic"),
+        ({"set": {"drives.0.stiffness": "c", "cycle.period": "9**9**9**9"}}, "set.cycle.period", "power"),
+        ({"setups": ["nobody"]}, "setups", "elastic"),
+        ({"task": "nowhere.yaml"}, None, "does not exist"),
+        ({"sample": {"kind": "sobol", "count": 5}}, "sample", "power of two"),
+        ({"starts": 0, "neighbours": 0}, None, "nothing to begin from"),
+        ({"unknown": 1}, "unknown", "not known"),
+    ],
+)  # fmt: skip
+def test_bad_study_files(base: Path, change: dict[str, Any], key: str | None, text: str) -> None:
+    with pytest.raises(PkmseaError, match=text) as caught:
+        run_study(write(base, STUDY | change), base / "out")
+    assert caught.value.exit_code == 2
+    assert key is None or str(caught.value.key).startswith(key), caught.value
+    assert not list(base.glob("out/*.sqlite"))
+
+
+def test_changed_geometry(tmp_path: Path) -> None:
+    """A joint moved, and a link stretched as a rod, arrive in the model."""
+    from pkmsea.mechanism import load_mechanism
+    from pkmsea.mechanism.urdf import find
+    from pkmsea.study.geometry import changed_mechanism
+
+    before = load_mechanism("pkm_2rrr")
+    folder, missing = changed_mechanism(
+        find("pkm_2rrr"), {"joint.A.origin.x": 0.01, "link.upper_B.length": 0.22, "joint.Z.origin.x": 1.0}, tmp_path
+    )
+    after = load_mechanism(folder)
+    assert list(missing) == ["joint.Z.origin.x"]
+    moved, stretched = (before.model.getJointId(name) for name in ("A", "elbow_B"))
+    offset = after.model.jointPlacements[moved].translation - before.model.jointPlacements[moved].translation
+    np.testing.assert_allclose(offset, [0.01, 0, 0], atol=1e-9)
+    lengths = [np.linalg.norm(m.model.jointPlacements[stretched].translation) for m in (before, after)]
+    np.testing.assert_allclose(lengths, [0.2, 0.22])
+    upper = before.model.getJointId("B")
+    rods = [m.model.inertias[upper] for m in (before, after)]
+    np.testing.assert_allclose(rods[1].mass, 1.1 * rods[0].mass)
+    np.testing.assert_allclose(rods[1].inertia, 1.1**3 * rods[0].inertia, rtol=1e-6)
+    assert np.abs(after.closure_residual(after.seed)).max() < 1e-9
