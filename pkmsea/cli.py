@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from pkmsea import ending
 
 app = typer.Typer(
     name="pkmsea",
@@ -22,9 +23,6 @@ app = typer.Typer(
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON.")]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result files, figures and playback pages.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: the cores at hand.")]
-
-
-INTERRUPTED = 130  # how typer ends on Ctrl-C
 
 
 class Kind(StrEnum):
@@ -85,31 +83,41 @@ def solve(
     json_: Json = False,
 ) -> None:
     """Solve a task: every setup that it lists, side by side."""
+    ending.hold()
     from pkmsea import solution, views
-    from pkmsea.errors import SolveError
+    from pkmsea.errors import PkmseaError, SolveError
+    from pkmsea.files import check_writable
+    from pkmsea.problem import build_problem
     from pkmsea.task import load_task
     from pkmsea.views import records, tables
     from pkmsea.views.output import save_all
 
     loaded = load_task(task) if starts is None else load_task(task).with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
+    for name in names:
+        build_problem(loaded, name)  # bad input of any setup is told before the first is solved
+    if out is not None:
+        check_writable(out)
     solved: list[solution.Solution] = []
     failures: dict[str, SolveError] = {}
+    stopped: PkmseaError | KeyboardInterrupt | None = None
+    among = [s.name for s in loaded.setups]
     written: list[Path] = []
     with tables.progress(quiet=json_) as report:
         for name in names:
             count = (loaded.setup(name).options or loaded.options).starts
             try:
-                found = solution.solve(loaded, name, workers=workers, progress=report(name, count))
+                with ending.interruptible():
+                    solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
+                if out is not None:
+                    written.append(solved[-1].save(out / f"{views.file_name(name, among)}.nc"))
+                ending.stop_if(solved[-1].interrupted)
             except SolveError as error:
                 failures[name] = error
-                if out is not None and (old := out / f"{views.file_name(name)}.nc").exists():
+                if out is not None and (old := out / f"{views.file_name(name, among)}.nc").exists():
                     typer.echo(f"{old} is of an earlier run; '{name}' has failed now", err=True)
-                continue
-            solved.append(found)
-            if out is not None:
-                written.append(found.save(out / f"{views.file_name(name)}.nc"))
-            if found.interrupted:
+            except (PkmseaError, KeyboardInterrupt) as error:
+                stopped = error
                 break
     reference = next((s for s in solved if s.name == names[0]), None)
     if json_:
@@ -118,7 +126,7 @@ def solve(
         tables.print_solutions(solved, reference, failures)
     if solved and out is not None:
         _tell(written + save_all(solved, out, list(failures)), json_)
-    _end(failures, interrupted=bool(solved) and solved[-1].interrupted)
+    _end(failures, stopped)
 
 
 @app.command()
@@ -132,14 +140,19 @@ def reproduce(
     json_: Json = False,
 ) -> None:
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
+    ending.hold()
     from pkmsea import views
-    from pkmsea.errors import SolveError
+    from pkmsea.errors import PkmseaError, SolveError
+    from pkmsea.files import check_writable
     from pkmsea.paper.reproduce import TABLES, Row, paper_task
     from pkmsea.paper.reproduce import reproduce as rows_of
     from pkmsea.views import records, tables
     from pkmsea.views.output import save_all
 
+    if out is not None:
+        check_writable(out)
     rows: list[Row] = []
+    stopped: PkmseaError | KeyboardInterrupt | None = None
     written: list[Path] = []
     failures: dict[tuple[int, str], SolveError] = {}
     chosen = sorted(set(table)) if table else TABLES
@@ -152,13 +165,16 @@ def reproduce(
         def fail(*what: Any) -> None:
             failures[what[:2]] = what[2]
 
-        for row in rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts, failed=fail):
-            rows.append(row)
-            if out is not None:
-                path = out / f"table_{row.table}" / f"{views.file_name(row.setup)}.nc"
-                written.append(row.solution.save(path))
-            if row.solution.interrupted:
-                break
+        try:
+            found = rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts, failed=fail)
+            for row in ending.each(found):
+                rows.append(row)
+                if out is not None:
+                    path = out / f"table_{row.table}" / f"{views.setup_file(row.solution)}.nc"
+                    written.append(row.solution.save(path))
+                ending.stop_if(row.solution.interrupted)
+        except (PkmseaError, KeyboardInterrupt) as error:
+            stopped = error
     if json_:
         _emit(records.rows(rows, failures))
     else:
@@ -168,7 +184,7 @@ def reproduce(
         for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
             _tell(save_all(of_table, out / f"table_{number}", [name for n, name in failures if n == number]), json_)
-    _end(failures, interrupted=bool(rows) and rows[-1].solution.interrupted)
+    _end(failures, stopped)
 
 
 @app.command()
@@ -261,11 +277,11 @@ def _emit(record: Any) -> None:
     typer.echo(json.dumps(record, indent=2, allow_nan=False))
 
 
-def _end(failures: dict[Any, Any], interrupted: bool = False, unverified: bool = False) -> None:
+def _end(failures: dict[Any, Any], stopped: BaseException | None = None, unverified: bool = False) -> None:
     for failure in failures.values():
-        _print_error(failure)
-    if interrupted:
-        raise KeyboardInterrupt
+        ending.print_error(failure)
+    if stopped:
+        raise stopped
     if failures or unverified:
         raise typer.Exit(1)
 
@@ -278,23 +294,4 @@ def _tell(paths: list[Path], quiet: bool) -> None:
 
 def main() -> None:
     """Run the command line; errors of pkmsea become one paragraph and an exit code, without a traceback."""
-    from pkmsea.errors import PkmseaError
-
-    try:
-        app()
-    except PkmseaError as error:
-        _print_error(error)
-        sys.exit(error.exit_code)
-    except SystemExit as stop:
-        if stop.code != INTERRUPTED:
-            raise
-        typer.echo("pkmsea: stopped; what was finished is printed, and saved where -o was given", err=True)
-        sys.exit(1)
-
-
-def _print_error(error: Any) -> None:
-    from rich.console import Console
-
-    console = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
-    console.print("pkmsea: ", style="bold red", end="")
-    console.print(str(error), markup=False)
+    ending.run(app)

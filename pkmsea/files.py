@@ -1,17 +1,29 @@
-"""Reading and checking the YAML files that people write; every fault names file, key, value and remedy."""
+"""Files: reading and checking the YAML that people write, naming file, key, value and remedy; writing them whole."""
 
 from __future__ import annotations
 
+import contextlib
+import glob
+import os
 import re
+import tempfile
+import time
+import unicodedata
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, count
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from pkmsea.errors import InputError
 
 MAX_BYTES = 1_000_000  # a mechanism or task file has a few kB; more is not one of ours
+MAX_DEPTH = 20  # lists and mappings inside each other; a task file has 7
+LONGEST = 120  # bytes of a file name without suffix; file systems allow 255 of the whole
+PARTIAL = ".part"  # suffix of files that are being written; nothing reads them
+LEFT_OVER = 3600.0  # [s] after which a partial file is that of a killed process: none takes that long to write
 
 
 class Record(BaseModel):
@@ -20,17 +32,32 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("this name has characters that cannot be printed")
+    return text
+
+
+Printable = Annotated[str, Field(max_length=200), AfterValidator(_printable)]
+Name = Annotated[Printable, Field(min_length=1)]
 R = TypeVar("R", bound=Record)
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe loading without aliases, which can blow a small file up to any size, and without doubled keys."""
+    """Safe loading without aliases, which can blow a small file up to any size, deep nesting, and doubled keys."""
+
+    _depth = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
+        mark = self.peek_event().start_mark
         if self.check_event(yaml.AliasEvent):
-            event = self.peek_event()
-            raise yaml.constructor.ConstructorError(None, None, "aliases (*name) are not read here", event.start_mark)
-        return super().compose_node(parent, index)
+            raise yaml.constructor.ConstructorError(None, None, "aliases (*name) are not read here", mark)
+        if self._depth >= MAX_DEPTH:
+            raise yaml.constructor.ConstructorError(None, None, f"more than {MAX_DEPTH} levels of nesting", mark)
+        self._depth += 1
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
         seen: set[Any] = set()
@@ -46,17 +73,24 @@ class _Loader(yaml.SafeLoader):
 
 def read_yaml(path: Path) -> Any:
     """The content of a YAML file as plain Python data."""
-    if not path.is_file():
+    if not is_file(path):
         raise InputError("The file does not exist.", "Check the path.", file=path)
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"The file is larger than {MAX_BYTES} bytes.", "Give a mechanism or task file.", file=path)
     try:
         return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise InputError(f"The file cannot be read ({error.strerror}).", "Check its rights.", file=path) from error
     except UnicodeDecodeError as error:
         raise InputError(f"The file is not UTF-8 text ({error.reason}).", "Save it as UTF-8.", file=path) from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         cause = " ".join(str(error).split())
         raise InputError(f"The file is not valid YAML: {cause}.", "Mend that line.", file=path) from error
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file; False for a name that is too long, where pathlib 3.11 raises like its `exists`."""
+    return os.path.isfile(path)
 
 
 def parse(kind: type[R], data: Any, file: Path | str | None) -> R:
@@ -77,9 +111,20 @@ def read(kind: type[R], path: Path) -> R:
     return parse(kind, read_yaml(path), path)
 
 
-def file_name(title: str) -> str:
-    """A safe file name from a title: 'PKM SEA' becomes 'PKM_SEA'."""
-    return re.sub(r"[^\w.+-]+", "_", title).strip("._") or "setup"
+def file_name(title: str, among: Sequence[str] = ()) -> str:
+    """A safe file name, without suffix, from a title: 'PKM SEA' becomes 'PKM_SEA'.
+
+    Titles that stand `among` others never share one, whatever the case of letters: the second gets '-2', and so on.
+    """
+    taken: set[str] = set()
+    for other in among or (title,):
+        plain = re.sub(r"[^\w.+-]+", "_", unicodedata.normalize("NFKC", other)).strip("._")
+        plain = plain.encode()[:LONGEST].decode(errors="ignore") or "setup"
+        free = next(x for x in chain([plain], (f"{plain}-{i}" for i in count(2))) if x.casefold() not in taken)
+        if other == title:
+            return free
+        taken.add(free.casefold())
+    raise ValueError(f"'{title}' is not among {among}")
 
 
 def _input_error(kind: type[Record], error: ValidationError, data: Any, file: Path | str | None) -> InputError:
@@ -128,3 +173,52 @@ def _records(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [record for inner in get_args(annotation) for record in _records(inner)]
+
+
+def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
+    """Call `write` with a temporary path beside `path` and rename it: the file is there whole, or not at all.
+
+    The temporary is hidden and ends in PARTIAL, whatever the suffix of `path`. Only a killed process leaves one; it
+    goes when the same file is written again after LEFT_OVER.
+
+    Raises
+    ------
+    InputError : the file cannot be written.
+    """
+    with _partial(path) as temporary:
+        write(temporary)
+        temporary.chmod(0o644)
+        temporary.replace(path)
+
+
+def check_writable(folder: Path) -> None:
+    """Make sure, before long work, that its results can be written to a folder, which is made.
+
+    Raises
+    ------
+    InputError : they cannot.
+    """
+    with _partial(folder / "result") as temporary:
+        temporary.write_bytes(bytes(1))
+
+
+@contextlib.contextmanager
+def _partial(path: Path) -> Iterator[Path]:
+    """A fresh temporary file beside `path`, gone in the end; errors of the system become typed ones."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for other in path.parent.glob(f".{glob.escape(path.name)}-*{PARTIAL}"):
+            with contextlib.suppress(FileNotFoundError):
+                if time.time() - other.stat().st_mtime > LEFT_OVER:
+                    other.unlink()
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-", suffix=PARTIAL)
+        os.close(handle)
+        try:
+            yield Path(name)
+        finally:
+            Path(name).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"The file cannot be written ({error.strerror or error}).",
+            "Choose another folder, or make room on the disk.", file=path,
+        ) from error  # fmt: skip

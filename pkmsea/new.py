@@ -10,6 +10,7 @@ import numpy as np
 from lxml import etree
 
 from pkmsea.errors import InputError, Unreachable
+from pkmsea.files import write_whole
 from pkmsea.mechanism import Mechanism, load_mechanism, meshes, skeleton
 from pkmsea.mechanism.conventions import SIDECAR, Source, mjcf, read_source, xacro
 from pkmsea.mechanism.urdf import find
@@ -45,7 +46,8 @@ def new(folder: Path, tree: Path | None) -> list[Path]:
     task = folder / TASK
     if task.exists():
         raise InputError("The file exists; it is not overwritten.", "Move it away first.", file=task)
-    task.write_text(task_text(load_mechanism(folder)), encoding="utf-8")
+    first = task_text(load_mechanism(folder))
+    write_whole(task, lambda temporary: temporary.write_text(first, encoding="utf-8"))
     return [*dict.fromkeys([*written, *([sidecar] if sidecar else []), task])]
 
 
@@ -54,24 +56,28 @@ def _take(folder: Path, path: Path) -> list[Path]:
     source = read_source(path)
     if folder.exists() and any(folder.iterdir()):
         raise InputError("The folder is not empty.", "Name a new one.", file=folder)
-    folder.mkdir(parents=True, exist_ok=True)
     copied = folder / source.tree.name
     if source.tree.suffix == xacro.SUFFIX:
         copied = copied.with_suffix("" if copied.stem.endswith(".urdf") else ".urdf")
-        copied.write_bytes(etree.tostring(source.root))
+        write_whole(copied, lambda temporary: temporary.write_bytes(etree.tostring(source.root)))
     else:
-        shutil.copyfile(source.tree, copied)
+        _copy(source.tree, copied)
     if mjcf.LABEL not in source.labels:
         _take_meshes(folder, source)
     if source.sidecar is None:
         return [copied]
     sidecar = folder / SIDECAR
     if source.sidecar.name == SIDECAR:
-        shutil.copyfile(source.sidecar, sidecar)
+        _copy(source.sidecar, sidecar)
     else:
         draft = source.draft.model_copy(update={"urdf": copied.name})
-        sidecar.write_text(skeleton.text(draft, source.labels, ()), encoding="utf-8")
+        text = skeleton.text(draft, source.labels, ())
+        write_whole(sidecar, lambda temporary: temporary.write_text(text, encoding="utf-8"))
     return [copied, sidecar]
+
+
+def _copy(source: Path, target: Path) -> None:
+    write_whole(target, lambda temporary: shutil.copyfile(source, temporary))
 
 
 def _take_meshes(folder: Path, source: Source) -> None:
@@ -79,8 +85,7 @@ def _take_meshes(folder: Path, source: Source) -> None:
         name = mesh.get("filename", "")
         found, target = meshes.resolve(name, source.folder), folder / meshes.relative(name)
         if found is not None and target.resolve().is_relative_to(folder.resolve()):
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(found, target)
+            _copy(found, target)
 
 
 def task_text(mechanism: Mechanism) -> str:

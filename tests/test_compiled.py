@@ -43,7 +43,7 @@ def test_machine_code_gives_the_interpreters_numbers(function: ca.Function, fold
         np.testing.assert_allclose(fast, slow, rtol=1e-14, atol=1e-15)
 
 
-@pytest.mark.parametrize("damage", ["half", "empty", "link"])
+@pytest.mark.parametrize("damage", ["half", "empty", "link", "wrong digest", "no digest", "digest of no text"])
 def test_a_damaged_cache_entry_is_built_again(function: ca.Function, folder: Path, damage: str) -> None:
     compiled.kernels((function,))
     (library,) = folder.glob("*.so")
@@ -52,6 +52,12 @@ def test_a_damaged_cache_entry_is_built_again(function: ca.Function, folder: Pat
     if damage == "link":
         (folder.parent / "elsewhere.so").write_bytes(content)
         library.symlink_to(folder.parent / "elsewhere.so")
+    elif "digest" in damage:
+        (digest,) = folder.glob("*.sha256")
+        digest.write_bytes(b"\xff\xfe" if "text" in damage else digest.read_bytes()[::-1])
+        library.write_bytes(content)
+        if damage == "no digest":
+            digest.unlink()
     else:
         library.write_bytes(content[: len(content) // 2] if damage == "half" else b"")
     compiled.kernels.cache_clear()
@@ -62,13 +68,15 @@ def test_a_damaged_cache_entry_is_built_again(function: ca.Function, folder: Pat
     np.testing.assert_allclose(values(function, kernel)[0], values(function, None)[0], rtol=1e-14)
 
 
-@pytest.mark.parametrize("reason", ["others may write", "no compiler", "a failing compiler"])
+@pytest.mark.parametrize("reason", ["others may write", "somebody else's", "no compiler", "a failing compiler"])
 def test_fall_back_to_the_interpreter_with_one_hint(
     function: ca.Function, folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, reason: str
 ) -> None:
     if reason == "others may write":
         folder.mkdir(parents=True)
         folder.chmod(0o777)
+    elif reason == "somebody else's":
+        monkeypatch.setattr(compiled.os, "getuid", lambda: 12345)
     elif reason == "no compiler":
         monkeypatch.setattr(compiled.shutil, "which", lambda _: None)
     else:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+from pkmsea.files import is_file
 from pkmsea.mechanism.xml import Element
 
 FORMATS = (".stl", ".dae", ".obj")
@@ -42,7 +43,7 @@ def resolve(name: str, folder: Path) -> Path | None:
         if (
             path.suffix.lower() in FORMATS
             and path.is_relative_to(root.resolve())
-            and path.is_file()
+            and is_file(path)
             and path.stat().st_size <= MAX_BYTES
         ):
             return path
@@ -67,8 +68,8 @@ def _candidates(name: str, folder: Path) -> Iterator[tuple[Path, str]]:
         return
     if parts.scheme == "package":
         package, rest = parts.netloc, rest.lstrip("/")
-        if package:
-            yield folder / package, rest
+        if package not in ("", ".", ".."):
+            yield folder, f"{package}/{rest}"
             yield from ((parent, rest) for parent in folder.resolve().parents if parent.name == package)
             yield from ((Path(p) / package, rest) for p in os.environ.get(PATH, "").split(os.pathsep) if p)
         yield folder, rest

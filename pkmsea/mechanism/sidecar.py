@@ -6,10 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from pkmsea.files import Record
+from pkmsea.files import Name, Printable, Record
 from pkmsea.mechanism.xml import LARGEST
 
-Name = Annotated[str, Field(min_length=1, max_length=200)]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector3 = tuple[Number, Number, Number]
 
@@ -34,7 +33,7 @@ class Closure(Record):
     frames: tuple[Name, Name] = Field(description="the two frames (links or joints of the tree) that coincide")
     type: Literal["point", "revolute", "frame"] = "point"
     axis: Vector3 = Field((0.0, 0.0, 1.0), description="common axis of a `revolute` closure, in both frames")
-    name: str = ""
+    name: Printable = ""
 
     _axis = field_validator("axis")(_not_zero)
 

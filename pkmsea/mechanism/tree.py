@@ -59,8 +59,8 @@ def _named(root: Element, tag: str, file: Path) -> dict[str, Element]:
     found: dict[str, Element] = {}
     for i, element in enumerate(root.findall(tag)):
         name = element.get("name", "")
-        if not name or name in found:
-            cause = f"Two {tag}s have this name." if name else f"A {tag} has no name."
+        if not name or name in found or not name.isprintable():
+            cause = f"Two {tag}s have this name." if name in found else f"A {tag} has no name that can be printed."
             raise MechanismError(cause, "Give each its own name.", file=file, key=f"{tag} {i + 1}: name", value=name)
         found[name] = element
     return found

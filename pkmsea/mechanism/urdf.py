@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from lxml import etree
 
 from pkmsea.bridge import frame_id
 from pkmsea.errors import InputError, MechanismError, NameNotFound
+from pkmsea.files import is_file
 from pkmsea.mechanism import robots, sticks, tree
 from pkmsea.mechanism.clean import clean
 from pkmsea.mechanism.conventions import Source
@@ -27,9 +29,9 @@ def find(source: str | Path) -> Path:
     robot of example-robot-data ('example-robot-data/ur5_robot.urdf')."""
     path = Path(source)
     for candidate in (path, PACKAGED / path.name, CHECKOUT / path.name):
-        if candidate.is_dir():
+        if os.path.isdir(candidate):
             return candidate
-    if path.is_file():
+    if is_file(path):
         return path
     if robots.is_robot(path):
         return robots.find_robot(path)

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 from lxml import etree
 
 from pkmsea.errors import InputError, MechanismError
+from pkmsea.files import is_file
 
 MAX_BYTES = 20_000_000  # a tree of links has a few hundred kB at most
 LARGEST = 1e6  # of any length, mass or inertia of a mechanism, in SI units
@@ -24,11 +25,15 @@ def parse(file: Path) -> Element:
     ------
     MechanismError : the file is missing, too large, no well-formed XML, or declares a document type.
     """
-    if not file.is_file():
+    if not is_file(file):
         raise InputError("The file does not exist.", "Check the path.", file=file)
     if file.stat().st_size > MAX_BYTES:
         raise MechanismError(f"The file is larger than {MAX_BYTES} bytes.", "Give the tree alone.", file=file)
-    return parse_text(file.read_bytes(), file)
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"The file cannot be read ({error.strerror}).", "Check its rights.", file=file) from error
+    return parse_text(content, file)
 
 
 def parse_text(text: bytes, file: Path) -> Element:

@@ -7,6 +7,7 @@ subject to         the robot's equations of motion (through its flat output y), 
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
@@ -83,7 +84,7 @@ def build_problem(task: Task, setup_name: str | None = None) -> Problem:
     setup = task.setup(setup_name)
     where = {"file": task.file}
     source = task.mechanism_source(setup)
-    if not source.exists() and Path(setup.mechanism).name not in shipped():
+    if not os.path.exists(source) and Path(setup.mechanism).name not in shipped():
         raise InputError(
             "There is no mechanism folder of this name.",
             f"Give a folder, relative to the task file, or one that pkmsea ships: {', '.join(shipped())}.",

@@ -7,23 +7,25 @@ flat output, versions, solver record) stands beside the series as plain numbers 
 from __future__ import annotations
 
 import json
-import os
-import tempfile
-from collections.abc import Callable
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import xarray as xr
+from pydantic import TypeAdapter
 
+from pkmsea.actuation import Actuation
 from pkmsea.errors import InputError
+from pkmsea.files import Record, is_file, write_whole
 from pkmsea.problem import build_problem
 from pkmsea.solution.audit import series
 from pkmsea.solution.solution import Mesh, Solution
 from pkmsea.solver import Outcome, Start
-from pkmsea.task import Fourier, Spline, Task
+from pkmsea.task import Task
+from pkmsea.task.task import Trajectory
 from pkmsea.transcription import Motion
 from pkmsea.transcription.bases import Basis, make_basis
 
@@ -31,6 +33,7 @@ FORMAT = "pkmsea result 1"
 POINTS = 1000  # of the stored series, per period, at least
 PER_COEFFICIENT = 20  # and at least so many per coefficient of the basis: a torque can be interpolated between them
 PACKAGES = ("pkmsea", "casadi", "pin", "numpy")
+MAX_BYTES = 1_000_000_000  # of a result's numbers; the finest mesh has a third of it
 
 
 def to_dataset(solution: Solution) -> xr.Dataset:
@@ -98,33 +101,9 @@ def to_dataset(solution: Solution) -> xr.Dataset:
 def save(solution: Solution, path: Path) -> Path:
     """Write the result file under a temporary name and move it into place."""
     dataset = to_dataset(solution)
-    write_whole(path, lambda temporary: dataset.to_netcdf(temporary, engine="h5netcdf"))
+    content = bytes(dataset.to_netcdf(engine="h5netcdf"))  # in memory: HDF5 does not survive a full disk
+    write_whole(path, lambda temporary: temporary.write_bytes(content))
     return path
-
-
-def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
-    """Call `write` with a temporary path beside `path` and rename it: the file is there whole, or not at all.
-
-    Raises
-    ------
-    InputError : the folder cannot be written to.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-        os.close(handle)
-        temporary = Path(name)
-        try:
-            write(temporary)
-            temporary.chmod(0o644)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"The file cannot be written ({error.strerror or error}).", "Choose another output folder with -o.",
-            file=path,
-        ) from error  # fmt: skip
 
 
 def read_dataset(path: str | Path) -> xr.Dataset:
@@ -135,16 +114,38 @@ def read_dataset(path: str | Path) -> xr.Dataset:
     InputError : the file is missing, damaged, or not a result of pkmsea.
     """
     file = Path(path)
-    if not file.is_file():
+    if not is_file(file):
         raise InputError("There is no such result file.", "Give a file that 'pkmsea solve' wrote.", file=file)
     try:
-        with xr.open_dataset(file, engine="h5netcdf") as opened:
+        _check_container(file)
+        with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as opened:
             dataset = opened.load()
     except Exception as error:
-        raise InputError(f"The result file cannot be read ({error}).", "Solve the task again.", file=file) from error
-    if dataset.attrs.get("format") != FORMAT:
+        cause = " ".join(str(error).split())
+        raise InputError(f"The result file cannot be read ({cause}).", "Solve the task again.", file=file) from error
+    if str(dataset.attrs.get("format")) != FORMAT:
         raise InputError("This is not a result of pkmsea.", f"Give a file of format '{FORMAT}'.", file=file)
     return dataset
+
+
+def _check_container(file: Path) -> None:
+    """Refuse, with a ValueError, what would fill the memory or read from other files."""
+    with h5py.File(file) as raw:
+        if not all(isinstance(raw.get(name, getlink=True), h5py.HardLink) for name in raw):
+            raise ValueError("it links to elsewhere")
+        series = list(raw.values())
+        if not all(isinstance(x, h5py.Dataset) and not x.external and not x.is_virtual for x in series):
+            raise ValueError("it holds other things than series of its own")
+        if sum(x.size * x.dtype.itemsize for x in series if x.size) > MAX_BYTES:
+            raise ValueError(f"it declares more than {MAX_BYTES} bytes")
+
+
+def numbers(dataset: xr.Dataset, name: str) -> np.ndarray:
+    """A series as float64. ValueError where it holds anything else, KeyError where it is missing."""
+    values = dataset[name].values
+    if values.dtype.kind not in "fiu":
+        raise ValueError(f"'{name}' does not hold numbers")
+    return values.astype(float)
 
 
 def load(path: str | Path) -> Solution:
@@ -157,16 +158,36 @@ def load(path: str | Path) -> Solution:
         task._file = Path(record["task_file"]) if record["task_file"] else None
         problem = build_problem(task, record["setup"])
         basis = _basis(json.loads(record["basis"]), task.cycle.period)
-        parallel = np.stack([dataset[name].values for name in ("parallel_stiffness", "parallel_rest")], axis=1)
-        motion = Motion(basis, dataset["flat_output"].values.copy(), dataset["stiffness"].values.copy(), parallel)
-        starts = tuple(_start(r) for r in json.loads(record["starts"]))
-        meshes = tuple(Mesh(**r) for r in json.loads(record["meshes"]))
-        return Solution(
-            problem, motion, float(record["energy_claimed"]), starts, meshes, float(record["seconds"]),
-            stated=float(record["energy_true"]),
-        )  # fmt: skip
-    except (KeyError, ValueError, TypeError) as error:
-        raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error
+        parallel = np.stack([numbers(dataset, name) for name in ("parallel_stiffness", "parallel_rest")], axis=1)
+        motion = Motion(basis, numbers(dataset, "flat_output"), numbers(dataset, "stiffness"), parallel)
+        _check_motion(motion, problem.actuation)
+        starts = tuple(r.start() for r in TypeAdapter(tuple[StartRecord, ...]).validate_json(record["starts"]))
+        meshes = TypeAdapter(tuple[Mesh, ...]).validate_json(record["meshes"])
+        claimed, seconds, stated = (_finite(record[key], key) for key in ("energy_claimed", "seconds", "energy_true"))
+        return Solution(problem, motion, claimed, starts, meshes, seconds, stated=stated)
+    except (KeyError, ValueError, TypeError, RecursionError) as error:
+        cause = " ".join(str(error).split())
+        raise InputError(f"The result file is damaged ({cause}).", "Solve the task again.", file=file) from error
+
+
+def _finite(value: Any, key: str) -> float:
+    if not np.isfinite(number := float(value)):
+        raise ValueError(f"'{key}' is not finite")
+    return number
+
+
+def _check_motion(motion: Motion, actuation: Actuation) -> None:
+    """Refuse, with a ValueError, coefficients and springs that do not fit the robot."""
+    m = actuation.m
+    if motion.coefficients.shape != (motion.basis.size, m) or not np.all(np.isfinite(motion.coefficients)):
+        raise ValueError(f"'flat_output' does not hold {motion.basis.size} x {m} finite numbers")
+    springs = {"c": motion.stiffness, "k": motion.parallel[:, 0], "rest": motion.parallel[:, 1]}
+    for kind, values in springs.items():
+        there = np.isin(np.arange(m), [p.drive for p in actuation.parameters if p.kind == kind])
+        if values.shape != (m,) or not np.array_equal(np.isfinite(values), there) or np.any(np.isinf(values)):
+            raise ValueError("the springs do not fit the drives")
+        if kind != "rest" and np.any(values[there] <= 0):
+            raise ValueError("a spring has a stiffness that is not positive")
 
 
 def motion_record(motion: Motion) -> dict[str, Any]:
@@ -183,8 +204,7 @@ def motion_of(record: dict[str, Any]) -> Motion:
 
 
 def _basis(trajectory: dict[str, Any], period: float) -> Basis:
-    kind: type[Fourier] | type[Spline] = Fourier if trajectory["kind"] == "fourier" else Spline
-    return make_basis(kind.model_validate(trajectory), period)
+    return make_basis(TypeAdapter(Trajectory).validate_python(trajectory), period)
 
 
 def _start_record(start: Start) -> dict[str, Any]:
@@ -193,9 +213,19 @@ def _start_record(start: Start) -> dict[str, Any]:
     return kept
 
 
-def _start(record: dict[str, Any]) -> Start:
-    record = record | {
-        "outcome": Outcome(record["outcome"]), "stiffness": tuple(record["stiffness"]), "x": None,
-        "energy": np.inf if record["energy"] is None else record["energy"],
-    }  # fmt: skip
-    return Start(**record)
+class StartRecord(Record):
+    """A `Start` as its file holds it."""
+
+    index: int
+    outcome: Outcome
+    energy: float | None
+    stiffness: tuple[float, ...]
+    iterations: int
+    seconds: float
+    limited: bool
+    finished: bool
+    repeats: int | None = None
+
+    def start(self) -> Start:
+        energy = np.inf if self.energy is None else self.energy
+        return Start(**(self.model_dump() | {"energy": energy, "x": None}))

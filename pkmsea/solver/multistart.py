@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from joblib import Parallel, delayed
 
+from pkmsea.errors import SolveError
 from pkmsea.problem import build_problem
 from pkmsea.solver.ipopt import Outcome, solve_nlp
 from pkmsea.task import Task
@@ -24,7 +27,11 @@ FINISHED = 4  # starts at least that go on
 AGREEING = 8  # starts that find one optimum between them are enough
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
+POOLS = 2  # of processes: a second one where the first one breaks
+WATCH = 0.5  # [s] between a worker's looks at its parent
+
 Progress = Callable[["Start"], None]
+Key = tuple[str, str | None, str]  # task as JSON, its file, name of the setup
 T = TypeVar("T")
 
 
@@ -193,15 +200,39 @@ def collect(results: Iterator[T], progress: Callable[[T], None] | None = None) -
 
 
 def spread(transcription: Transcription, workers: int | None, calls: list[tuple[Callable[..., T], Any]]) -> Iterator[T]:
-    """Run calls (function, argument) on a transcription here, or on several processes that each build their own."""
+    """Run calls (function, argument) on a transcription here, or on several processes that each build their own.
+
+    Where a process dies, the calls that are not done run once more in fresh ones.
+
+    Raises
+    ------
+    SolveError : a process has died again.
+    """
     jobs = min(workers or available_cores(), len(calls))
     if jobs <= 1:
         return (function(transcription, argument) for function, argument in calls)
     task, setup = transcription.problem.task, transcription.problem.setup.name
     key = (task.model_dump_json(), str(task.file) if task.file else None, setup)
-    pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
-    result: Iterator[T] = pool(delayed(_remote)(key, function, argument) for function, argument in calls)
-    return result
+    return _on_processes(jobs, key, calls)
+
+
+def _on_processes(jobs: int, key: Key, calls: list[tuple[Callable[..., T], Any]]) -> Iterator[T]:
+    left = dict(enumerate(calls))
+    for _ in range(POOLS):
+        pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
+        try:
+            for number, result in pool(
+                delayed(_remote)(os.getpid(), key, number, *call) for number, call in [*left.items()]
+            ):
+                del left[number]
+                yield result
+            return
+        except BrokenProcessPool:
+            continue
+    raise SolveError(
+        "A worker process has died twice: something has killed it, or the memory is full.",
+        "Run again with fewer processes (--workers), and free memory.", file=key[1], key=f"setup '{key[2]}'",
+    )  # fmt: skip
 
 
 def available_cores() -> int:
@@ -209,8 +240,21 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _remote(key: tuple[str, str | None, str], function: Callable[..., T], argument: Any) -> T:
-    return function(_cached(*key), argument)
+def _remote(parent: int, key: Key, number: int, function: Callable[..., T], argument: Any) -> tuple[int, T]:
+    _end_with(parent)
+    return number, function(_cached(*key), argument)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """Let this process end when its parent has: one that was killed cannot tell it to."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @lru_cache(maxsize=4)

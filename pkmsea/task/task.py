@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,7 +10,7 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from pkmsea.actuation.drive import Drive
 from pkmsea.errors import InputError, NameNotFound
-from pkmsea.files import Record, read
+from pkmsea.files import Name, Record, read
 from pkmsea.task.cycle import Cycle, Limits
 from pkmsea.task.payload import Payload, PayloadMass
 
@@ -66,7 +67,7 @@ class Options(Record):
 class Setup(Record):
     """A mechanism with its drives, to perform the task's cycle."""
 
-    name: str = Field(min_length=1, max_length=200)
+    name: Name
     mechanism: str = Field(description="folder, relative to the task file, or a mechanism that pkmsea ships")
     drives: tuple[Drive, ...] = Field(min_length=1, description="one for all, or one per actuated joint")
     options: Options | None = None
@@ -87,7 +88,7 @@ class TaskLimits(Record):
 class Task(Record):
     """A pick-and-place cycle, its limits, and one or more setups to compare; the first one is the reference."""
 
-    name: str = Field(min_length=1, max_length=200)
+    name: Name
     cycle: Cycle
     limits: TaskLimits = TaskLimits()
     payload: Payload | None = Field(None, description="what the end effector carries")
@@ -149,7 +150,7 @@ class Task(Record):
     def mechanism_source(self, setup: Setup) -> Path:
         """The setup's mechanism folder, looked up beside the task file first."""
         beside = (self.file.parent if self.file else Path()) / setup.mechanism
-        return beside if beside.exists() else Path(setup.mechanism)
+        return beside if os.path.exists(beside) else Path(setup.mechanism)
 
 
 def load_task(path: str | Path) -> Task:

@@ -125,7 +125,7 @@ def _intact(library: Path) -> bool:
     digest = library.with_suffix(".sha256")
     if not library.is_file() or library.is_symlink() or not digest.is_file():
         return False
-    return digest.read_text() == _digest(library)
+    return digest.read_bytes() == _digest(library).encode()
 
 
 def _digest(file: Path) -> str:

@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from pkmsea.errors import InputError
 from pkmsea.problem import Problem
 from pkmsea.solution import Solution
-from pkmsea.solution.store import load, read_dataset, to_dataset
+from pkmsea.solution.store import load, numbers, read_dataset, to_dataset
 from pkmsea.transcription import Motion
 from pkmsea.verification.drives import Drives
 
@@ -109,8 +109,8 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
     n, m, axes = actuation.mechanism.model.nq, actuation.m, actuation.mechanism.mobility
     widths = {"r_E": axes, "q": n, "v": n, "power": 0, "energy": 0}
     try:
-        t = dataset["time"].values
-        series = {name: dataset[name].values for name in SERIES}
+        t = numbers(dataset, "time")
+        series = {name: numbers(dataset, name) for name in SERIES}
         energy = float(dataset.attrs["energy_true"])
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error

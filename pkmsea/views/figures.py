@@ -13,9 +13,9 @@ from matplotlib.patches import Rectangle
 from scipy.ndimage import gaussian_filter
 
 from pkmsea.errors import InputError
+from pkmsea.files import write_whole
 from pkmsea.mechanism.workspace import workspace
 from pkmsea.solution import Solution
-from pkmsea.solution.store import write_whole
 
 COLORS = ("#444444", "#1f77b4", "#d1495b", "#3a9d5d", "#8e6bbf", "#e08e2b")
 DRIVE_STYLES = ("-", "--", ":", "-.")
@@ -23,6 +23,7 @@ FORMATS = (".png", ".pdf", ".svg")
 NEAR_SINGULAR = 0.02  # reciprocal condition number that is drawn for redundant drives, which rarely reach zero
 
 
+@matplotlib.rc_context({"text.parse_math": False})  # names may have a dollar sign
 def overview(solutions: Sequence[Solution], failed: Sequence[str] = ()) -> Figure:
     """Path, cumulated energy and power of all setups above; positions and torques of each setup below.
 
@@ -154,5 +155,5 @@ def save_figure(figure: Figure, path: Path) -> Path:
             f"Figures are not written as '{path.suffix}'.", f"Use one of: {', '.join(FORMATS)}.", file=path
         )
     with matplotlib.rc_context({"svg.fonttype": "none"}):
-        write_whole(path, lambda temporary: figure.savefig(temporary, dpi=150))
+        write_whole(path, lambda temporary: figure.savefig(temporary, format=path.suffix[1:], dpi=150))
     return path

@@ -16,8 +16,9 @@ import umsgpack
 from pinocchio.visualize import MeshcatVisualizer
 
 from pkmsea.bridge import frame_id
+from pkmsea.files import write_whole
 from pkmsea.solution import Solution
-from pkmsea.solution.store import write_whole
+from pkmsea.views.server import serve
 
 FRAMES_PER_SECOND = 60
 SLOW_MOTION = 2.0  # a cycle of a second or less is too quick for the eye
@@ -52,8 +53,11 @@ def write_page(solution: Solution, path: str | Path) -> Path:
 
 
 def play(solution: Solution) -> meshcat.Visualizer:
-    """Start Meshcat's server on the loopback address and play the cycle there; returns the visualizer with its URL."""
-    visualizer = meshcat.Visualizer()
+    """Start Meshcat's server on the loopback address and play the cycle there; returns the visualizer with its URL.
+
+    The server lives as long as this process.
+    """
+    visualizer = meshcat.Visualizer(zmq_url=serve())
     draw(solution, visualizer)
     return visualizer
 

@@ -27,7 +27,8 @@ PIPED_WIDTH = 160  # columns where there is no terminal
 
 
 def console() -> Console:
-    return Console() if sys.stdout.isatty() else Console(width=PIPED_WIDTH, color_system=None)
+    plain: dict[str, Any] = {"markup": False, "emoji": False}  # names are text, whatever brackets they have
+    return Console(**plain) if sys.stdout.isatty() else Console(width=PIPED_WIDTH, color_system=None, **plain)
 
 
 class Report:
@@ -59,7 +60,7 @@ def progress(quiet: bool = False) -> Iterator[Report]:
     """Bars on a terminal's standard error; silent when piped or asked to be quiet."""
     where = Console(stderr=True, quiet=quiet or not sys.stderr.isatty())
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         TextColumn("{task.fields[best]}"),
     )  # fmt: skip
     with Progress(*columns, console=where, disable=where.quiet) as bars:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pkmsea.errors import InputError, MechanismError
-from pkmsea.files import parse, read_yaml
+from pkmsea.files import is_file, parse, read_yaml
 from pkmsea.mechanism import robots, xml
 from pkmsea.mechanism.conventions import gepetto, mimic, mjcf, onshape, transmission, urdfplus, xacro
 from pkmsea.mechanism.sidecar import Draft
@@ -116,11 +116,11 @@ def _trees(folder: Path) -> list[Path]:
 
 def _find_tree(folder: Path, named: str | None, sidecar: Path | None) -> Path:
     """The tree that the sidecar names, else the only one of the folder."""
-    if named is not None and robots.is_robot(named) and not (folder / named).is_file():
+    if named is not None and robots.is_robot(named) and not is_file(folder / named):
         return robots.find_robot(named, file=sidecar, key="urdf")
     if named is not None:
         tree = folder / named
-        if "\0" in named or not tree.resolve().is_relative_to(folder.resolve()) or not tree.is_file():
+        if "\0" in named or not tree.resolve().is_relative_to(folder.resolve()) or not is_file(tree):
             raise MechanismError(
                 "The file that 'urdf' names is not in the mechanism's folder.",
                 f"Put it there, correct the name, or name a robot as '{robots.PACKAGE}/ur5_robot.urdf'.",

@@ -1,0 +1,92 @@
+"""How commands end: errors and exit codes; Ctrl-C and SIGTERM, between steps, so that what is finished is kept."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from pkmsea.errors import PkmseaError
+
+INTERRUPTED = 130  # how typer ends on Ctrl-C
+
+T = TypeVar("T")
+signals: list[int] = []  # that came
+_held = False  # whether a first signal waits for the next `interruptible`
+
+
+def run(app: Callable[[], Any]) -> None:
+    """Run a command: its errors become one paragraph and an exit code; a signal, exit code 1."""
+    _listen()
+    try:
+        app()
+    except PkmseaError as error:
+        print_error(error)
+        sys.exit(error.exit_code)
+    except (SystemExit, Exception) as stop:
+        if not signals or (isinstance(stop, SystemExit) and stop.code != INTERRUPTED):
+            raise
+        print_error("stopped; what was finished is printed, and saved where -o was given")
+        sys.exit(1)
+
+
+def print_error(error: BaseException | str) -> None:
+    """One paragraph on standard error."""
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+    console.print("pkmsea: ", style="bold red", end="")
+    console.print(str(error), markup=False, emoji=False)
+
+
+def _listen() -> None:
+    """Raise KeyboardInterrupt on SIGTERM and on SIGINT, unless that is ignored: a job in the background."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _stop)
+    signal.signal(signal.SIGTERM, _stop)
+
+
+def hold() -> None:
+    """From now on, let a first signal wait for the next `interruptible`; a second one does not wait.
+
+    So imports, some of which swallow exceptions, and the writing of results run to their end.
+    """
+    global _held
+    _held = True
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Where a signal, also one that waits, raises KeyboardInterrupt."""
+    global _held
+    stop_if()
+    _held = False
+    try:
+        yield
+    finally:
+        hold()
+
+
+def each(items: Iterator[T]) -> Iterator[T]:
+    """The items of an iterator, each made `interruptible`."""
+    nothing = object()
+    while True:
+        with interruptible():
+            item: Any = next(items, nothing)
+        if item is nothing:
+            return
+        yield item
+
+
+def stop_if(interrupted: bool = False) -> None:
+    """Raise KeyboardInterrupt where something was interrupted, or a signal came."""
+    if interrupted or signals:
+        raise KeyboardInterrupt
+
+
+def _stop(number: int, frame: Any) -> None:
+    signals.append(number)
+    if not _held or len(signals) > 1:
+        raise KeyboardInterrupt
