@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import setp
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
@@ -34,6 +35,14 @@ STAR, OTHER, BEST = "#ffffff", "#f4b6c2", "#ffd166"
 HALO = [withStroke(linewidth=2.2, foreground="#222222")]
 
 
+@dataclass(frozen=True)
+class Scale:
+    """Contour levels [J]; larger energies share one more colour if there is an `excess`."""
+
+    levels: np.ndarray
+    excess: Literal["max", "neither"]
+
+
 def landscapes(result: StudyResult, axes: Sequence[Axis]) -> Figure:
     """One panel per case and setup: least energy over two parameters, with optima and all that is not verified."""
     parts = parts_of(result)
@@ -42,8 +51,8 @@ def landscapes(result: StudyResult, axes: Sequence[Axis]) -> Figure:
     figure = Figure(figsize=(WIDTH * columns + 0.5, HEIGHT * lines + 1.0), layout="constrained")
     panels = figure.subplots(lines, columns, squeeze=False).ravel()
     for panel, part in zip(panels, parts, strict=False):
-        levels = levels_of(part.solved["energy"])
-        filled = draw(panel, part, axes, levels, part.marks([a.name for a in axes]), part.best())
+        scale = scale_of(part.solved["energy"])
+        filled = draw(panel, part, axes, scale, part.marks(axes), part.best())
         panel.set_title(f"{title_of(part, result.study)}\n{_headline(part)}", fontsize=10)
         if filled is not None:
             _colour_bar(figure, filled, panel)
@@ -57,79 +66,72 @@ def landscapes(result: StudyResult, axes: Sequence[Axis]) -> Figure:
 def slices(result: StudyResult, axes: Sequence[Axis]) -> Figure:
     """A row of panels per case and setup: the first two parameters at some values of the third, in one colour scale."""
     parts, third = parts_of(result), axes[2]
-    count = min(SLICES, max(part.rows[third.name].nunique() for part in parts))
-    figure = Figure(figsize=(2.9 * count + 1.4, 3.4 * len(parts) + 1.0), layout="constrained")
-    grid = figure.subplots(len(parts), count, squeeze=False, sharex=True, sharey=True)
-    for row, part in zip(grid, parts, strict=True):
-        best, levels, filled = part.best(), levels_of(part.solved["energy"]), None
-        every = np.unique(part.rows[third.name])
-        thirds = _spread(every, best[third.name] if best else every[0], count)
-        marks = part.marks([axis.name for axis in axes])
+    every = np.unique(np.concatenate([part.rows[third.name] for part in parts]))
+    count = min(SLICES, max(len(every), 1))
+    figure = Figure(figsize=(2.9 * count + 1.4, 3.6 * len(parts) + 1.0), layout="constrained")
+    rows: Any = figure.subfigures(len(parts), 1, squeeze=False)[:, 0]
+    drawn: list[Any] = []
+    for inner, part in zip(rows, parts, strict=True):
+        row = inner.subplots(1, count, squeeze=False, sharex=True, sharey=True)[0]
+        inner.suptitle(f"{title_of(part, result.study)}, {_headline(part)}", fontsize=10)
+        best, scale, filled = part.best(), scale_of(part.solved["energy"]), None
+        thirds = _spread(every, best[third.name] if best else third.ends[0], count)
+        marks = part.marks(axes)
         for panel, value in zip(row, thirds, strict=False):
             inside = replace(part, rows=part.rows[part.rows[third.name] == value])
             near = [m for m in marks if thirds[np.abs(third.even(thirds) - third.even(m.at[2])).argmin()] == value]
             here = best if best and best[third.name] == value else None
-            filled = draw(panel, inside, axes[:2], levels, near, here) or filled
+            filled = draw(panel, inside, axes[:2], scale, near, here) or filled
             panel.set_title(third.value(value), fontsize=9)
             panel.label_outer()
         for panel in row[len(thirds) :]:
             panel.set_axis_off()
-        row[0].annotate(
-            f"{title_of(part, result.study)}\n{_headline(part)}", (0, 1), (0, 24), xycoords="axes fraction",
-            textcoords="offset points", fontsize=10,
-        )  # fmt: skip
         if filled is not None:
-            _colour_bar(figure, filled, list(row))
+            _colour_bar(inner, filled, list(row))
+        drawn += list(row)
     figure.suptitle(result.study.name, fontsize=13)
-    _explain(figure, grid.ravel())
+    _explain(figure, drawn)
     return figure
 
 
-def levels_of(energies: Any) -> np.ndarray:
-    """Contour levels [J] at equal steps of the root of what exceeds the least energy, since that grows with the square
-    of the distance from an optimum; a few huge energies do not decide where they end.
+def scale_of(energies: Any) -> Scale:
+    """Levels at equal steps of the root of what exceeds the least energy, since that grows with the square of the
+    distance from an optimum; a few huge energies do not decide where they end.
     """
     known = np.sort(np.asarray(energies, float))
     if not known.size:
-        return np.array([0.0, 1.0])
+        return Scale(np.array([0.0, 1.0]), "neither")
     low, middle, high = known[0], float(np.quantile(known, CUT)), known[-1]
-    end = middle if high - low > FAR * (middle - low) > 0 else high * (1 + ROUNDING)
-    return np.asarray(low * (1 - ROUNDING) + (end - low * (1 - ROUNDING)) * np.linspace(0, 1, LEVELS) ** 2)
+    cut = high - low > FAR * (middle - low) > 0
+    pad = ROUNDING * max(abs(high), ROUNDING)
+    levels = low - pad + ((middle if cut else high) - low + 2 * pad) * np.linspace(0, 1, LEVELS) ** 2
+    return Scale(levels, "max" if cut else "neither")
 
 
 def draw(
-    panel: Any, part: Part, axes: Sequence[Axis], levels: np.ndarray, marks: Sequence[Mark], best: dict[str, Any] | None
+    panel: Any, part: Part, axes: Sequence[Axis], scale: Scale, marks: Sequence[Mark], best: dict[str, Any] | None
 ) -> Any | None:
     """Contours, points that are not verified or failed, the best point and the optima; returns the contours."""
     x, y = axes
     x.put(panel, "x")
     y.put(panel, "y")
-    panel.set_facecolor("#eeeeee")
-    filled = _contours(panel, part, x, y, levels)
+    panel.set(xlim=x.ends, ylim=y.ends, facecolor="#eeeeee")
+    filled = _contours(panel, part, x, y, scale)
     hollow, cross = {"facecolors": "none", "edgecolors": "w", "marker": "o"}, {"color": "#ff6b6b", "marker": "x"}
+    common = {"s": 18, "lw": 1.1, "clip_on": False, "zorder": 3, "path_effects": HALO}
     for rows, name, style in ((part.unverified, "not verified", hollow), (part.failed, "failed", cross)):
         if len(rows):
-            panel.scatter(
-                rows[x.name],
-                rows[y.name],
-                s=18,
-                lw=1.1,
-                label=name,
-                clip_on=False,
-                zorder=3,
-                path_effects=HALO,
-                **style,
-            )
+            panel.scatter(rows[x.name], rows[y.name], label=name, **common, **style)
     if best:
         panel.scatter(
             best[x.name], best[y.name], s=60, marker="s", facecolors="none", edgecolors=BEST, lw=2, zorder=4,
             label="best point of the grid", clip_on=False, path_effects=HALO,
         )  # fmt: skip
-    _optima(panel, part, axes, marks)
+    _optima(panel, marks)
     return filled
 
 
-def _contours(panel: Any, part: Part, x: Axis, y: Axis, levels: np.ndarray) -> Any | None:
+def _contours(panel: Any, part: Part, x: Axis, y: Axis, scale: Scale) -> Any | None:
     energy = part.solved.pivot(index=y.name, columns=x.name, values="energy")
     columns, index = np.unique(part.rows[x.name]), np.unique(part.rows[y.name])
     E = energy.reindex(index=index, columns=columns).to_numpy(float)
@@ -142,46 +144,42 @@ def _contours(panel: Any, part: Part, x: Axis, y: Axis, levels: np.ndarray) -> A
         fine_u, fine_v = np.union1d(fine_u, u), np.union1d(fine_v, v)
     E = RegularGridInterpolator((v, u), E, method=smooth)(np.stack(np.meshgrid(fine_v, fine_u, indexing="ij"), axis=-1))
     X, Y = np.exp(fine_u) if x.logarithmic else fine_u, np.exp(fine_v) if y.logarithmic else fine_v
-    beyond: Literal["max", "neither"] = "max" if part.solved["energy"].max() > levels[-1] else "neither"
-    colors = BoundaryNorm(levels, matplotlib.colormaps["viridis"].N, extend=beyond)
-    return panel.contourf(X, Y, E, levels=levels, cmap="viridis", norm=colors, extend=beyond)
+    colors = BoundaryNorm(scale.levels, matplotlib.colormaps["viridis"].N, extend=scale.excess)
+    return panel.contourf(X, Y, E, levels=scale.levels, cmap="viridis", norm=colors, extend=scale.excess)
 
 
-def _optima(panel: Any, part: Part, axes: Sequence[Axis], marks: Sequence[Mark]) -> None:
+def _optima(panel: Any, marks: Sequence[Mark]) -> None:
     """Optima with their energies; those outside the grid stand at its border."""
-    ends = [(part.rows[axis.name].min(), part.rows[axis.name].max()) for axis in axes]
     written: list[np.ndarray] = []
     for i, mark in enumerate(marks):
-        inside = [float(np.clip(x, *end)) for x, end in zip(mark.at, ends, strict=False)]
-        moved = any(not np.isclose(x, a) for x, a in zip(mark.at, inside, strict=False))
         color, marker, size = (STAR, "*", 190) if mark.best else (OTHER, "D", 34)
         name = "co-optimised" if mark.best else "its other local optima"
         panel.scatter(
-            *inside, s=size, marker=marker, facecolors="none" if moved else color, edgecolors=color, lw=1.4,
+            *mark.at[:2], s=size, marker=marker, facecolors="none" if mark.outside else color, edgecolors=color, lw=1.4,
             path_effects=HALO, zorder=5 if mark.best else 4.5, clip_on=False,
-            label=f"{name}, outside the grid" if moved else name,
+            label=f"{name}, outside the grid" if mark.outside else name,
         )  # fmt: skip
         if i < LABELLED:
-            written.append(_label(panel, mark, inside, color, written))
+            written.append(_label(panel, mark, color, written))
 
 
-def _label(panel: Any, mark: Mark, at: Sequence[float], color: str, written: Sequence[np.ndarray]) -> np.ndarray:
+def _label(panel: Any, mark: Mark, color: str, written: Sequence[np.ndarray]) -> np.ndarray:
     """Write the energy beside a mark, above or below other labels; returns the place of the text [points]."""
     size = panel.bbox.size * INCH / panel.figure.dpi
-    share = panel.transAxes.inverted().transform(panel.transData.transform(at))
+    share = panel.transAxes.inverted().transform(panel.transData.transform(mark.at[:2]))
     left, top = share * size > size - ROOM
     lines = [-1, -2, -3, -4] if top else [0, 1, -1, 2, -2, 3, -3]
     texts = {n: share * size + [-ROOM[0] * left, LINE * n] for n in lines}
     free = [n for n, text in texts.items() if all((np.abs(text - other) >= ROOM).any() for other in written)]
     line = free[0] if free else lines[0]
     panel.annotate(
-        f"{mark.energy:#.4g}", at, (-8 if left else 8, LINE * line - 3), textcoords="offset points", color=color,
-        fontsize=8 if mark.best else 7, ha="right" if left else "left", path_effects=HALO, zorder=6,
+        f"{mark.energy:#.4g}", mark.at[:2], (-8 if left else 8, LINE * line - 3), textcoords="offset points",
+        color=color, fontsize=8 if mark.best else 7, ha="right" if left else "left", path_effects=HALO, zorder=6,
     )  # fmt: skip
     return np.asarray(texts[line])
 
 
-def _colour_bar(figure: Figure, filled: Any, panels: Any) -> None:
+def _colour_bar(figure: Any, filled: Any, panels: Any) -> None:
     """With as many digits as tell the levels apart."""
     levels = filled.levels
     digits = next((n for n in range(3, 9) if len({f"{x:.{n}g}" for x in levels}) == len(levels)), 9)
@@ -195,9 +193,10 @@ def _headline(part: Part) -> str:
     row = part.optimum or part.best()
     if row is None:
         return "no point was solved"
+    kind = "co-optimised" if part.optimum else "co-optimisation failed; best point" if part.lost else "best point"
     status = "" if row["status"] == VERIFIED else f", {UNVERIFIED}"
     c = ", ".join(f"{row[name]:.3g}" for name in part.springs)
-    return f"{'co-optimised' if part.optimum else 'best point'}: {row['energy']:#.4g} J at c = ({c}){status}"
+    return f"{kind}: {row['energy']:#.4g} J at c = ({c}){status}"
 
 
 def _explain(figure: Figure, panels: Iterable[Any]) -> None:
@@ -211,12 +210,14 @@ def _explain(figure: Figure, panels: Iterable[Any]) -> None:
             list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles), fontsize=8,
             facecolor="#d9d9d9",
         )  # fmt: skip
-        for handle in legend.legend_handles:
-            handle.set_sizes([40.0])
+        for handle in filter(None, legend.legend_handles):
+            setp(handle, sizes=[40.0])
 
 
 def _spread(values: np.ndarray, contained: float, count: int) -> np.ndarray:
     """Some of the values, evenly spread in their order; the one nearest to `contained` is replaced by it."""
+    if not values.size:
+        return values
     chosen = np.linspace(0, len(values) - 1, count).round().astype(int)
     wanted = int(np.abs(values - contained).argmin())
     chosen[np.abs(chosen - wanted).argmin()] = wanted

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ import pandas as pd
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from pkmsea.study import Study, StudyResult
+from pkmsea.study.study import Interval, Values
 from pkmsea.study.table import FAILED, UNVERIFIED, VERIFIED, rank, records
 
 WIDE = 10.0  # largest energy over the least from which on their axis is logarithmic
@@ -27,15 +29,16 @@ class Axis:
     name: str
     label: str
     logarithmic: bool
+    ends: tuple[float, float]
 
     @property
     def unit(self) -> str:
         return self._parts[1]
 
-    def value(self, x: float) -> str:
+    def value(self, x: float, digits: int = 3) -> str:
         """A value with symbol and unit: 'T_P = 0.82 s'."""
         symbol, unit = self._parts
-        return f"{symbol} = {x:.3g} {unit}".rstrip()
+        return f"{symbol} = {x:.{digits}g} {unit}".rstrip()
 
     def put(self, panel: Any, side: Literal["x", "y"]) -> None:
         """Label and scale of a panel's x or y axis; a logarithmic one with plain numbers."""
@@ -71,16 +74,21 @@ def energy_scale(panel: Any, parts: Sequence[Part]) -> None:
 
 def axes_of(study: Study) -> list[Axis]:
     """The varied parameters, in the study's order."""
-    return [Axis(name, varied.label or name, varied.logarithmic) for name, varied in study.vary.items()]
+    return [Axis(name, varied.label or name, varied.logarithmic, _ends(varied)) for name, varied in study.vary.items()]
+
+
+def _ends(varied: Values | Interval) -> tuple[float, float]:
+    return (min(varied.values), max(varied.values)) if isinstance(varied, Values) else varied.ends
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A local optimum of the co-optimised task: where it lies among the varied parameters, and its energy [J]."""
+    """A local optimum of the co-optimised task: the varied parameters there, cut to their ranges, and energy [J]."""
 
     at: tuple[float, ...]
     energy: float
     best: bool
+    outside: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +99,14 @@ class Part:
     ----------
     rows : the best row of each point, with numbers as numbers; a failed point has no energy.
     optimum : the row of the task as it says itself, if it was solved.
+    lost : why it failed, if it did.
     """
 
     case: str
     setup: str
     rows: pd.DataFrame
     optimum: dict[str, Any] | None
+    lost: str = ""
 
     def having(self, status: str) -> pd.DataFrame:
         return self.rows[self.rows["status"] == status]
@@ -123,12 +133,20 @@ class Part:
         """The point of least energy, verified ones before others."""
         return min(records(self.solved), key=rank, default=None)
 
-    def reason(self) -> str:
-        """Why points failed or were not verified, by the most frequent reason of the worse kind."""
-        for rows in (self.failed, self.unverified):
-            if len(rows):
-                return str(rows["reason"].value_counts().index[0])
-        return ""
+    def gain(self) -> float | None:
+        """How much less energy the co-optimised task needs than the best point, relative."""
+        best = self.best()
+        return 1 - self.optimum["energy"] / best["energy"] if self.optimum and best and best["energy"] > 0 else None
+
+    def reason(self, status: str) -> tuple[str, int]:
+        """Why most points of a status are not verified: the first such reason, and how many points have it, whatever
+        numbers stand in it."""
+        told = [reason for text in self.having(status)["reason"] for reason in str(text).split("; ")]
+        kinds = [re.sub(r"[-+.\d]+(e[-+]?\d+)?", "#", reason) for reason in told]
+        if not told:
+            return "", 0
+        kind, count = Counter(kinds).most_common(1)[0]
+        return told[kinds.index(kind)], count
 
     def spring_of(self, parameter: str) -> int | None:
         """Index of the only spring whose stiffness a parameter is at every point, else None."""
@@ -145,19 +163,22 @@ class Part:
         chosen = int(np.argmin(distance)) if found and min(distance) < SAME else None
         return [other for i, other in enumerate(found) if i != chosen]
 
-    def marks(self, parameters: Sequence[str]) -> list[Mark]:
-        """The co-optimised task's optima, best first, if all parameters are stiffnesses; the best with its true energy,
-        the others with what their starts claim."""
-        where = [self.spring_of(name) for name in parameters] if len(self.solved) else [None]
-        if self.optimum is None or any(i is None for i in where):
+    def marks(self, axes: Sequence[Axis]) -> list[Mark]:
+        """The co-optimised task's optima, best first, if all axes are stiffnesses; the best with its true energy, the
+        others with what their starts claim."""
+        where = [self.spring_of(axis.name) for axis in axes] if len(self.solved) else [None]
+        chosen = [i for i in where if i is not None]
+        if self.optimum is None or len(chosen) < len(axes):
             return []
-        c = [self.optimum[name] for name in self.springs]
-        best = Mark(_at(c, where), self.optimum["energy"], True)
-        return [best, *(Mark(_at(x["stiffness"], where), x["energy"], False) for x in self.others())]
-
-
-def _at(stiffness: Sequence[float], where: Sequence[int | None]) -> tuple[float, ...]:
-    return tuple(float(stiffness[i]) for i in where if i is not None)
+        low, high = np.array([axis.ends for axis in axes]).T
+        found = [(self.optimum["energy"], [self.optimum[name] for name in self.springs])]
+        found += [(other["energy"], other["stiffness"]) for other in self.others()]
+        marks = []
+        for i, (energy, c) in enumerate(found):
+            at = np.array(c)[chosen]
+            inside = np.clip(at, low, high)
+            marks.append(Mark(tuple(inside.tolist()), energy, i == 0, not np.allclose(at, inside)))
+        return marks
 
 
 def parts_of(result: StudyResult) -> list[Part]:
@@ -167,8 +188,9 @@ def parts_of(result: StudyResult) -> list[Part]:
     for case in result.study.cases:
         for setup in result.study.names:
             rows, own = (frame[(frame["case"] == case) & (frame["setup"] == setup)] for frame in (table, optima))
-            found = [row for row in records(own) if row["status"] != FAILED]
-            parts.append(Part(case, setup, rows.reset_index(drop=True), found[0] if found else None))
+            optimum = next(iter(records(own)), None)
+            lost = str(optimum["reason"]) if optimum and optimum["status"] == FAILED else ""
+            parts.append(Part(case, setup, rows.reset_index(drop=True), None if lost else optimum, lost))
     return parts
 
 

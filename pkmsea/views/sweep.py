@@ -65,7 +65,7 @@ def _energies(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
             x, np.full(len(x), FAILED_AT), "x", color=color, ms=6, label=f"{part.setup}: failed" if len(x) else None,
             transform=panel.get_xaxis_transform(),
         )  # fmt: skip
-        for mark in part.marks([axis.name]):
+        for mark in part.marks([axis]):
             size, name = (13, f"{part.setup}: co-optimised, {mark.energy:.4g} J") if mark.best else (6, None)
             panel.plot(mark.at[0], mark.energy, "*", color=color, mec="k", mew=0.7, ms=size, label=name)
     if any(len(part.unverified) for part in parts):
