@@ -26,6 +26,7 @@ FAR = 2.0  # how many times that range the largest energy may reach without bein
 SLICES = 6
 WIDTH, HEIGHT = 4.9, 4.3  # of a panel [in]
 COLUMNS = 3
+ENTRY = 2.4  # width of a legend's entry [in]
 LABELLED = 6  # optima whose energies are written beside them, where there is
 LINE = 11.0  # from one label to the next [points]
 ROOM = np.array([36.0, 10.0])  # what a label fills [points]
@@ -206,8 +207,9 @@ def _explain(figure: Figure, panels: Iterable[Any]) -> None:
         for handle, name in zip(*panel.get_legend_handles_labels(), strict=True):
             handles.setdefault(name, handle)
     if handles:
+        columns = min(len(handles), int(figure.get_figwidth() / ENTRY))
         legend = figure.legend(
-            list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles), fontsize=8,
+            list(handles.values()), list(handles), loc="outside lower center", ncols=columns, fontsize=8,
             facecolor="#d9d9d9",
         )  # fmt: skip
         for handle in filter(None, legend.legend_handles):

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from pkmsea.study import StudyResult
 from pkmsea.study.study import Search
 from pkmsea.study.table import VERIFIED
-from pkmsea.views.figures import COLORS
-from pkmsea.views.study_panels import Axis, Part, energy_scale, parts_of
+from pkmsea.views.study_panels import Axis, Part, colored, energy_scale, parts_of
 from pkmsea.views.sweep import FAILED_AT
 
 COLUMNS = 3
@@ -24,8 +23,9 @@ def scatter(result: StudyResult, axes: Sequence[Axis]) -> Figure:
     """Per case, a panel per parameter with the energies of all points, the best marked; and the history of a search."""
     study, parts = result.study, parts_of(result)
     history = isinstance(study.sample, Search)
-    columns = min(len(axes) + history, COLUMNS)
-    lines = math.ceil((len(axes) + history) / columns)
+    count = len(axes) + history
+    lines = math.ceil(count / COLUMNS)
+    columns = math.ceil(count / lines)
     figure = Figure(figsize=(WIDTH * columns, (HEIGHT * lines + 0.7) * len(study.cases) + 0.4), layout="constrained")
     figures: Any = figure.subfigures(len(study.cases), 1, squeeze=False)[:, 0]
     for inner, case in zip(figures, study.cases, strict=True):
@@ -35,7 +35,7 @@ def scatter(result: StudyResult, axes: Sequence[Axis]) -> Figure:
             _energies(panel, of_case, axis)
         if history:
             _history(panels[len(axes)], of_case)
-        for panel in panels[len(axes) + history :]:
+        for panel in panels[count:]:
             panel.remove()
         energy_scale(panels[0], of_case)
         handles, names = panels[0].get_legend_handles_labels()
@@ -47,7 +47,7 @@ def scatter(result: StudyResult, axes: Sequence[Axis]) -> Figure:
 
 
 def _energies(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
-    for color, part in zip(COLORS[1:], parts, strict=False):
+    for color, part in colored(parts):
         verified = part.having(VERIFIED)
         panel.plot(verified[axis.name], verified["energy"], "o", color=color, ms=4.5, alpha=0.8, label=part.setup)
         if len(part.unverified):
@@ -68,7 +68,7 @@ def _energies(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
 
 def _history(panel: Any, parts: Sequence[Part]) -> None:
     """Energy of every trial in their order, and the least verified one so far."""
-    for color, part in zip(COLORS[1:], parts, strict=False):
+    for color, part in colored(parts):
         trials = part.rows.sort_values("point")
         number, verified = trials["point"] + 1, trials["status"] == VERIFIED
         for chosen, face in ((verified, color), (~verified, "none")):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from pkmsea.solution.store import write_whole
 from pkmsea.study import Study, StudyResult
-from pkmsea.study.study import Grid, Search, Values
+from pkmsea.study.study import Grid, Search
 from pkmsea.views.landscape import landscapes, slices
 from pkmsea.views.scatter import scatter
 from pkmsea.views.study_panels import Axis, Part, axes_of, parts_of
@@ -41,8 +41,7 @@ def varied(study: Study) -> list[Axis]:
     axes = axes_of(study)
     if not isinstance(study.sample, Grid):
         return axes
-    counts = [len(v.values) if isinstance(v, Values) else v.count for v in study.vary.values()]
-    return [axis for axis, count in zip(axes, counts, strict=True) if count != 1] or axes[:1]
+    return [axis for axis in axes if study.vary[axis.name].size > 1] or axes[:1]
 
 
 def write_points(result: StudyResult, folder: Path) -> list[Path]:

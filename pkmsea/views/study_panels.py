@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import cycle
 from typing import Any, Literal
 
 import numpy as np
@@ -15,8 +16,8 @@ import pandas as pd
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from pkmsea.study import Study, StudyResult
-from pkmsea.study.study import Interval, Values
 from pkmsea.study.table import FAILED, UNVERIFIED, VERIFIED, rank, records
+from pkmsea.views.figures import COLORS
 
 WIDE = 10.0  # largest energy over the least from which on their axis is logarithmic
 SAME = 0.02  # relative distance of stiffnesses below which an optimum of the starts is the chosen one
@@ -74,11 +75,7 @@ def energy_scale(panel: Any, parts: Sequence[Part]) -> None:
 
 def axes_of(study: Study) -> list[Axis]:
     """The varied parameters, in the study's order."""
-    return [Axis(name, varied.label or name, varied.logarithmic, _ends(varied)) for name, varied in study.vary.items()]
-
-
-def _ends(varied: Values | Interval) -> tuple[float, float]:
-    return (min(varied.values), max(varied.values)) if isinstance(varied, Values) else varied.ends
+    return [Axis(name, varied.label or name, varied.logarithmic, varied.ends) for name, varied in study.vary.items()]
 
 
 @dataclass(frozen=True)
@@ -198,6 +195,11 @@ def _numeric(frame: pd.DataFrame, study: Study) -> pd.DataFrame:
     """Columns of numbers in which nothing stands at all come from SQLite without a type."""
     names = [name for name in frame.columns if name in ("energy", "claimed", *study.vary) or name.startswith("c_")]
     return frame.assign(**{name: pd.to_numeric(frame[name]) for name in names})
+
+
+def colored(parts: Sequence[Part]) -> list[tuple[str, Part]]:
+    """Setups with their colours; the first of several is grey, the others are compared with it."""
+    return list(zip(cycle(COLORS if len(parts) > 1 else COLORS[1:]), parts, strict=False))
 
 
 def title_of(part: Part, study: Study) -> str:

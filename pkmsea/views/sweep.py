@@ -14,7 +14,7 @@ from pkmsea.actuation.drive import Range
 from pkmsea.study import Study, StudyResult
 from pkmsea.study.table import VERIFIED
 from pkmsea.views.figures import COLORS, DRIVE_STYLES
-from pkmsea.views.study_panels import Axis, Part, energy_scale, logarithmic, parts_of
+from pkmsea.views.study_panels import Axis, Part, colored, energy_scale, logarithmic, parts_of
 
 WIDTH, HEIGHT = 5.2, 3.3  # of a panel [in]
 FAILED_AT = 0.03  # height of the crosses of failed points in a panel
@@ -58,16 +58,21 @@ def sweep(result: StudyResult, axis: Axis) -> Figure:
 
 def _energies(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
     """Energy of every setup; failed points are crosses at the bottom, where the line has a gap."""
-    for color, part in zip(COLORS, parts, strict=False):
+    for color, part in colored(parts):
         _line(panel, part.rows, axis, "energy", color, part.setup)
         x = part.failed[axis.name]
         panel.plot(
             x, np.full(len(x), FAILED_AT), "x", color=color, ms=6, label=f"{part.setup}: failed" if len(x) else None,
             transform=panel.get_xaxis_transform(),
         )  # fmt: skip
-        for mark in part.marks([axis]):
-            size, name = (13, f"{part.setup}: co-optimised, {mark.energy:.4g} J") if mark.best else (6, None)
-            panel.plot(mark.at[0], mark.energy, "*", color=color, mec="k", mew=0.7, ms=size, label=name)
+        best = [mark for mark in part.marks([axis]) if mark.best]
+        others = [mark for mark in part.marks([axis]) if not mark.best]
+        for marks, marker, size, name in ((best, "*", 13, "co-optimised"), (others, "D", 5, "its other local optima")):
+            energy = f", {marks[0].energy:#.4g} J" if marks and marks is best else ""
+            panel.plot(
+                [mark.at[0] for mark in marks], [mark.energy for mark in marks], marker, color=color, mec="k", mew=0.7,
+                ms=size, zorder=3, label=f"{part.setup}: {name}{energy}" if marks else None,
+            )  # fmt: skip
     if any(len(part.unverified) for part in parts):
         panel.plot([], [], "o", color="k", mfc="white", ms=5, label="not verified")
     panel.set_ylabel("E [J]")
@@ -87,7 +92,7 @@ def _line(panel: Any, rows: Any, axis: Axis, column: str, color: str, label: str
 def _ratios(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
     """Energy relative to the first setup; where it passes 1, the setup begins or ceases to pay."""
     panel.axhline(1.0, color=COLORS[0], lw=1.2)
-    for color, part in zip(COLORS[1:], parts[1:], strict=False):
+    for color, part in colored(parts)[1:]:
         rows = relative(parts[0], part, axis)
         _line(panel, rows, axis, "ratio", color, None)
         for crossing in crossings(rows, axis):
@@ -132,7 +137,7 @@ def _springs(part: Part, study: Study, axis: Axis) -> list[str]:
 
 
 def _stiffness(panel: Any, parts: Sequence[Part], study: Study, axis: Axis) -> None:
-    for color, part in zip(COLORS, parts, strict=False):
+    for color, part in colored(parts):
         for style, name in zip(DRIVE_STYLES, _springs(part, study, axis), strict=False):
             _line(panel, part.rows, axis, name, color, f"{part.setup}: {name}", style)
     panel.set_ylabel("optimal stiffness\n[N m/rad, N/m]")
