@@ -40,7 +40,7 @@ Expression = Number | str
 
 
 class Varied(Record):
-    """What a parameter goes through: listed `values`, or an interval, evenly by `range` or by the logarithm of `log`."""
+    """What a parameter goes through: listed `values`, or an interval, evenly spread or by its logarithm."""
 
     values: tuple[Number, ...] | None = Field(None, min_length=1)
     range: tuple[Number, Number] | None = None
