@@ -28,15 +28,15 @@ def study(
     ending.hold()
     from pkmsea.files import check_writable
     from pkmsea.study import load_study, run_study
-    from pkmsea.views import study_tables
+    from pkmsea.views import study_table
     from pkmsea.views.figures import save_figure
     from pkmsea.views.study import study_figure, write_points
 
     loaded = load_study(study)
     check_writable(out)
-    with study_tables.progress(loaded, quiet=json_) as report, ending.interruptible():
+    with study_table.study_progress(quiet=json_) as report, ending.interruptible():
         result = run_study(loaded, out, workers=workers, scheduler=scheduler, progress=report)
-    emit(study_tables.study_record(result)) if json_ else study_tables.print_study(result)
+    emit(study_table.study_record(result)) if json_ else study_table.print_study(result)
     written = [out / "study.sqlite", *write_points(result, out)]
     if not result.table.empty:
         written.append(save_figure(study_figure(result), out / "study.png"))

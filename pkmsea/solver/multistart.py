@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from pkmsea.errors import SolveError
 from pkmsea.problem import build_problem
 from pkmsea.solver.ipopt import Outcome, solve_nlp
+from pkmsea.solver.processes import available_cores, unordered
 from pkmsea.task import Task
 from pkmsea.transcription import Motion, Transcription, transcribe
 
@@ -26,9 +23,6 @@ CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that 
 FINISHED = 4  # starts at least that go on
 AGREEING = 8  # starts that find one optimum between them are enough
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
-
-POOLS = 2  # of processes: a second one where the first one breaks
-WATCH = 0.5  # [s] between a worker's looks at its parent
 
 Progress = Callable[["Start"], None]
 Key = tuple[str, str | None, str]  # task as JSON, its file, name of the setup
@@ -202,7 +196,7 @@ def collect(results: Iterator[T], progress: Callable[[T], None] | None = None) -
 def spread(transcription: Transcription, workers: int | None, calls: list[tuple[Callable[..., T], Any]]) -> Iterator[T]:
     """Run calls (function, argument) on a transcription here, or on several processes that each build their own.
 
-    Where a process dies, the calls that are not done run once more in fresh ones.
+    Where a process dies, the calls that are not done run again in fresh ones.
 
     Raises
     ------
@@ -213,48 +207,19 @@ def spread(transcription: Transcription, workers: int | None, calls: list[tuple[
         return (function(transcription, argument) for function, argument in calls)
     task, setup = transcription.problem.task, transcription.problem.setup.name
     key = (task.model_dump_json(), str(task.file) if task.file else None, setup)
-    return _on_processes(jobs, key, calls)
+    arguments = {number: (key, *call) for number, call in enumerate(calls)}
+    return (result for _, result in unordered(_remote, arguments, jobs, partial(_died, task, setup)))
 
 
-def _on_processes(jobs: int, key: Key, calls: list[tuple[Callable[..., T], Any]]) -> Iterator[T]:
-    left = dict(enumerate(calls))
-    for _ in range(POOLS):
-        pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
-        try:
-            for number, result in pool(
-                delayed(_remote)(os.getpid(), key, number, *call) for number, call in [*left.items()]
-            ):
-                del left[number]
-                yield result
-            return
-        except BrokenProcessPool:
-            continue
+def _died(task: Task, setup: str, number: int) -> NoReturn:
     raise SolveError(
-        "A worker process has died twice: something has killed it, or the memory is full.",
-        "Run again with fewer processes (--workers), and free memory.", file=key[1], key=f"setup '{key[2]}'",
+        "A worker process has died again and again: something has killed it, or the memory is full.",
+        "Run again with fewer processes (--workers), and free memory.", file=task.file, key=f"setup '{setup}'",
     )  # fmt: skip
 
 
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _remote(parent: int, key: Key, number: int, function: Callable[..., T], argument: Any) -> tuple[int, T]:
-    _end_with(parent)
-    return number, function(_cached(*key), argument)
-
-
-@cache
-def _end_with(parent: int) -> None:
-    """Let this process end when its parent has: one that was killed cannot tell it to."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(WATCH)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+def _remote(key: Key, function: Callable[..., T], argument: Any) -> T:
+    return function(_cached(*key), argument)
 
 
 @lru_cache(maxsize=4)

@@ -103,6 +103,8 @@ def _solved(job: Job, begin: float) -> dict[str, Any]:
     if job.known is not None and not claimed < (1 - BETTER) * job.known:
         return {"outcome": NO_BETTER, "status": NO_BETTER, "starts": len(starts)}
     solution = chosen(transcription, starts, workers=1, begin=begin)
+    if solution.interrupted:
+        raise KeyboardInterrupt
     if job.result is not None:
         solution.save(job.result)
     return record(solution) | numbers
@@ -111,7 +113,10 @@ def _solved(job: Job, begin: float) -> dict[str, Any]:
 def _starts(transcription: Transcription, job: Job) -> list[Start]:
     starts = [restart(transcription, motion_of(json.loads(text))) for text in job.near]
     if job.indices is None:
-        return starts + multistart(transcription, workers=1)[0]
+        found, interrupted = multistart(transcription, workers=1)
+        if interrupted:
+            raise KeyboardInterrupt
+        return starts + found
     own = [run_start(transcription, index) for index in job.indices]
     return starts + [finish(transcription, start) if start.usable else start for start in own]
 
@@ -152,4 +157,6 @@ def save_best(rows: pd.DataFrame, folder: Path) -> list[Path]:
     solved = records(rows[rows["outcome"] == DONE])
     pairs = dict.fromkeys((row["case"], row["setup"]) for row in solved)
     chosen = [min((r for r in solved if (r["case"], r["setup"]) == pair), key=rank) for pair in pairs]
-    return [solution_of(row).save(folder / f"{file_name(row['case'])}_{file_name(row['setup'])}.nc") for row in chosen]
+    titles = [f"{case} {setup}" for case, setup in pairs]
+    files = [folder / f"{file_name(title, titles)}.nc" for title in titles]
+    return [solution_of(row).save(file) for row, file in zip(chosen, files, strict=True)]

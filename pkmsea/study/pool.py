@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 
 from pkmsea.errors import InputError
-from pkmsea.solver.multistart import available_cores
-from pkmsea.study.study import KEY
+from pkmsea.solver.processes import available_cores, unordered
 
-ATTEMPTS = 3  # at a job whose worker died
 PATIENCE = 15  # [s] for the scheduler to answer
 WAIT = 120  # [s] for the first worker of a cluster
 
@@ -29,34 +26,17 @@ class Pool:
     def unordered(
         self, function: Callable[[Any], Row], jobs: Sequence[Any], lost: Callable[[Any], Row]
     ) -> Iterator[Row]:
-        """The rows of all jobs, as they come.
-
-        Where a worker dies, what it had in hand is tried again; `lost` makes the row of a job that is never finished.
-        """
-        left = {job.key: job for job in jobs}
-        for _ in range(ATTEMPTS):
-            try:
-                for row in self._run(function, list(left.values())):
-                    del left[tuple(row[name] for name in KEY)]
-                    yield row
-            except BrokenProcessPool:
-                continue
-            return
-        yield from map(lost, left.values())
-
-    def _run(self, function: Callable[[Any], Row], jobs: list[Any]) -> Iterator[Row]:
-        count = min(self.workers, len(jobs))
-        if self.client is None and count <= 1:
+        """The rows of all jobs, as they come; `lost` makes the row of a job that kills its process."""
+        if self.client is not None:
+            with parallel_config(backend="dask", client=self.client, wait_for_workers_timeout=WAIT):
+                yield from Parallel(return_as="generator_unordered", batch_size=1)(delayed(function)(j) for j in jobs)
+        elif self.workers == 1 or len(jobs) <= 1:
             yield from map(function, jobs)
-            return
-        with self._backend():
-            calls = Parallel(n_jobs=count if self.client is None else -1, return_as="generator_unordered", batch_size=1)
-            yield from calls(delayed(function)(job) for job in jobs)
-
-    def _backend(self) -> AbstractContextManager[Any]:
-        if self.client is None:
-            return nullcontext()
-        return parallel_config(backend="dask", client=self.client, wait_for_workers_timeout=WAIT)
+        else:
+            arguments = {number: (job,) for number, job in enumerate(jobs)}
+            count = min(self.workers, len(jobs))
+            for _, row in unordered(function, arguments, count, lambda number: lost(jobs[number])):
+                yield row
 
 
 @contextmanager

@@ -110,6 +110,7 @@ class _Run:
     ) -> None:
         self.study, self.out, self.table, self.pool, self.progress = study, out, table, pool, progress
         self.rows: dict[Key, Row] = {}
+        self.parents: dict[tuple[str, str, int], list[int]] = {}  # points that started a point in the first round
         for row in records(table.rows()):
             self.rows[row["case"], row["setup"], row["point"], row["round"]] = row
         rounds = 1 if isinstance(study.sample, Search) else study.rounds
@@ -124,10 +125,10 @@ class _Run:
         points = points_of(self.study)
         done: list[int] = []
         for level in levels(points):
-            self._solve(points, level, 0, done)
+            self._level(points, level, done)
             done += level
         for turn in range(1, self.study.rounds):
-            self._solve(points, done, turn, done)
+            self._again(points, turn)
         if self.study.optimum:
             seeds = {pair: self._minima(points, *pair) for pair in self._pairs()}
             self._finish(self._job((*pair, OPTIMUM, 0), None, near, None) for pair, near in seeds.items())
@@ -140,22 +141,33 @@ class _Run:
         while (points := searcher.ask()) is not None:
             begin = len(points.values) - searcher.asked
             group = list(range(begin, len(points.values)))
-            self._solve(points, group, 0, list(range(begin)))
+            self._level(points, group, range(begin))
             case = next(iter(self.study.cases))
             rows = [self._best(case, self.study.names[0], point) for point in group]
             searcher.tell([row["energy"] if row and row["status"] == VERIFIED else None for row in rows])
 
-    def _solve(self, points: Points, chosen: Sequence[int], turn: int, solved: Sequence[int]) -> None:
-        """One level of points, or one further round of all."""
+    def _level(self, points: Points, level: Sequence[int], solved: Sequence[int]) -> None:
+        """The first round of some points, each started by its nearest solved ones and its own random starts."""
         jobs = []
         for case, setup in self._pairs():
-            usable = [i for i in solved if self._best(case, setup, i, turn or 1)]
-            for point in chosen:
-                count = 2 * len(points.names) if turn else self.study.neighbours
-                near = points.nearest(point, usable, count)
+            usable = [i for i in solved if self._best(case, setup, i)]
+            for point in level:
+                near = points.nearest(point, usable, self.study.neighbours)
+                self.parents[case, setup, point] = near
                 own = range(point * self.study.starts + 1, (point + 1) * self.study.starts + 1)
-                indices = tuple(own) if near and not turn else () if turn else None
-                jobs.append(self._job((case, setup, point, turn), points.at(point), near, indices))
+                jobs.append(self._job((case, setup, point, 0), points.at(point), near, tuple(own) if near else None))
+        self._finish(jobs)
+
+    def _again(self, points: Points, turn: int) -> None:
+        """A further round: all points start from their nearest, in the second from those that did not start them yet."""
+        jobs = []
+        for case, setup in self._pairs():
+            usable = [i for i in range(len(points.values)) if self._best(case, setup, i, turn)]
+            for point in usable:
+                known = self.parents[case, setup, point] if turn == 1 else []
+                near = [i for i in points.nearest(point, usable, 2 * len(points.names)) if i not in known]
+                if near:
+                    jobs.append(self._job((case, setup, point, turn), points.at(point), near, ()))
         self._finish(jobs)
 
     def _job(
@@ -166,8 +178,6 @@ class _Run:
         if key in self.rows:
             return None
         own = self._best(case, setup, point, turn) if turn else None
-        if turn and not (own and near):
-            return None
         try:
             task = task_at(self.study, case, values, self.out)
         except InputError as error:
@@ -176,7 +186,8 @@ class _Run:
         rows = [row for i in near if (row := self._best(case, setup, i, turn or 1))]
         file = None
         if self.study.results == "all" and point != OPTIMUM:
-            file = str(self.out / "results" / file_name(case) / file_name(setup) / f"{point}_{turn}.nc")
+            folders = file_name(case, list(self.study.cases)), file_name(setup, self.study.names)
+            file = str(self.out.joinpath("results", *folders, f"{point}_{turn}.nc"))
         origin = str(task.file.resolve()) if task.file else None
         return Job(
             key, values or {}, task.model_dump_json(), origin, tuple(row["motion"] for row in rows), indices,
