@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ELASTIC, RIGID, task
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from rich.console import Console
 
@@ -155,6 +156,12 @@ def test_landscapes_show_optima_and_what_went_wrong(tmp_path: Path) -> None:
     assert figure.axes[0].get_xscale() == "log"
 
 
+def test_contours_have_a_gap_around_a_failed_point() -> None:
+    (contours,) = [x for x in study_figure(landscape(2, failed=0)).axes[0].collections if isinstance(x, ContourSet)]
+    for c, covered in ((0.011, False), (0.025, False), (0.09, True), (0.3, True)):
+        assert any(path.contains_point((c, c)) for path in contours.get_paths()) == covered
+
+
 def test_huge_energies_in_a_corner_do_not_flatten_the_colours(tmp_path: Path) -> None:
     rows = landscape(2).rows
     corner = rows["point"] == 0
@@ -199,6 +206,27 @@ def test_figures_of_studies_that_were_stopped_early(parameters: int, tmp_path: P
     for count in (0, 1, 2):
         stopped = StudyResult(whole.study, whole.rows.head(count), tmp_path, True)
         assert "made up" in texts(study_figure(stopped), tmp_path)
+
+
+@pytest.mark.parametrize("parameters", [1, 2, 3])
+def test_an_optimum_without_any_point(parameters: int, tmp_path: Path) -> None:
+    whole = landscape(parameters)
+    rows = whole.rows.to_dict("records")
+    nothing = {
+        "energy": None,
+        "claimed": None,
+        "status": FAILED,
+        "outcome": FAILED,
+        "c_1": None,
+        "c_2": None,
+        "c_3": None,
+    }
+    rows = [x | nothing if x["point"] >= 0 else x for x in rows]
+    empty = StudyResult(whole.study, pd.DataFrame(rows), tmp_path, False)
+    assert "made up" in texts(study_figure(empty), tmp_path)
+    (part,) = study_table.study_record(empty)["results"]
+    assert part["best"] is None and part["optimum"]["energy_true"] == 0.2912345
+    assert pd.read_csv(write_points(empty, tmp_path)[1])["claimed [J]"].tolist() == [0.2912345, 0.35, 0.4]
 
 
 def test_a_sweep_of_a_stiffness_shows_optima(tmp_path: Path) -> None:

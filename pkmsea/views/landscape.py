@@ -14,6 +14,7 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from scipy.interpolate import RegularGridInterpolator
+from scipy.ndimage import distance_transform_edt
 
 from pkmsea.study import StudyResult
 from pkmsea.study.table import UNVERIFIED, VERIFIED
@@ -138,15 +139,22 @@ def _contours(panel: Any, part: Part, x: Axis, y: Axis, scale: Scale) -> Any | N
     E = energy.reindex(index=index, columns=columns).to_numpy(float)
     if min(E.shape) < 2 or not np.isfinite(E).any():
         return None
+    V, U = (np.linspace(0, n - 1, FINE * (n - 1) + 1) for n in E.shape)
     u, v = x.even(columns), y.even(index)
-    smooth = "pchip" if np.isfinite(E).all() and min(E.shape) > 3 else "linear"
-    fine_u, fine_v = (np.linspace(w[0], w[-1], FINE * (len(w) - 1) + 1) for w in (u, v))
-    if smooth == "linear":
-        fine_u, fine_v = np.union1d(fine_u, u), np.union1d(fine_v, v)
-    E = RegularGridInterpolator((v, u), E, method=smooth)(np.stack(np.meshgrid(fine_v, fine_u, indexing="ij"), axis=-1))
+    fine_u, fine_v = np.interp(U, np.arange(u.size), u), np.interp(V, np.arange(v.size), v)
     X, Y = np.exp(fine_u) if x.logarithmic else fine_u, np.exp(fine_v) if y.logarithmic else fine_v
+    surface = RegularGridInterpolator((v, u), _filled(E), method="pchip" if min(E.shape) > 3 else "linear")
+    fine = surface(np.stack(np.meshgrid(fine_v, fine_u, indexing="ij"), axis=-1))
+    for row, column in np.argwhere(~np.isfinite(E)):
+        fine[np.abs(V - row)[:, None] + np.abs(U - column) < 1] = np.nan
     colors = BoundaryNorm(scale.levels, matplotlib.colormaps["viridis"].N, extend=scale.excess)
-    return panel.contourf(X, Y, E, levels=scale.levels, cmap="viridis", norm=colors, extend=scale.excess)
+    return panel.contourf(X, Y, fine, levels=scale.levels, cmap="viridis", norm=colors, extend=scale.excess)
+
+
+def _filled(E: np.ndarray) -> np.ndarray:
+    """Gaps with the nearest energy: only what lies between three solved points is drawn beside a gap."""
+    _, nearest = distance_transform_edt(~np.isfinite(E), return_indices=True)
+    return np.asarray(E[tuple(nearest)])
 
 
 def _optima(panel: Any, marks: Sequence[Mark]) -> None:

@@ -124,7 +124,8 @@ class Part:
     def springs(self) -> list[str]:
         """Columns c_i that hold stiffnesses."""
         columns = [name for name in self.rows.columns if re.fullmatch(r"c_\d+", name)]
-        return [name for name in columns if self.rows[name].notna().any()]
+        own = self.optimum or {}
+        return [name for name in columns if self.rows[name].notna().any() or np.isfinite(own.get(name, np.nan))]
 
     def best(self) -> dict[str, Any] | None:
         """The point of least energy, verified ones before others."""

@@ -65,19 +65,26 @@ def _energies(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
             x, np.full(len(x), FAILED_AT), "x", color=color, ms=6, label=f"{part.setup}: failed" if len(x) else None,
             transform=panel.get_xaxis_transform(),
         )  # fmt: skip
-        best = [mark for mark in part.marks([axis]) if mark.best]
-        others = [mark for mark in part.marks([axis]) if not mark.best]
-        for marks, marker, size, name in ((best, "*", 13, "co-optimised"), (others, "D", 5, "its other local optima")):
-            energy = f", {marks[0].energy:#.4g} J" if marks and marks is best else ""
-            panel.plot(
-                [mark.at[0] for mark in marks], [mark.energy for mark in marks], marker, color=color, mec="k", mew=0.7,
-                ms=size, zorder=3, label=f"{part.setup}: {name}{energy}" if marks else None,
-            )  # fmt: skip
+        _optima(panel, part, axis, color)
     if any(len(part.unverified) for part in parts):
         panel.plot([], [], "o", color="k", mfc="white", ms=5, label="not verified")
     panel.set_ylabel("E [J]")
     panel.grid(alpha=0.3)
     panel.legend(fontsize=8)
+
+
+def _optima(panel: Any, part: Part, axis: Axis, color: str) -> None:
+    marks = part.marks([axis])
+    for chosen, name, marker, size in (
+        (marks[:1], "co-optimised", "*", 13),
+        (marks[1:], "its other local optima", "D", 5),
+    ):
+        if chosen:
+            energy = f", {chosen[0].energy:#.4g} J" if chosen[0].best else ""
+            panel.plot(
+                [mark.at[0] for mark in chosen], [mark.energy for mark in chosen], marker, ms=size, color=color,
+                mec="k", mew=0.7, zorder=3, label=f"{part.setup}: {name}{energy}",
+            )  # fmt: skip
 
 
 def _line(panel: Any, rows: Any, axis: Axis, column: str, color: str, label: str | None, style: str = "-") -> None:
