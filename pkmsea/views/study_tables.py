@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, Tim
 from rich.progress import Progress as Bars
 from rich.table import Table
 
-from pkmsea.study import Progress, StudyResult
+from pkmsea.study import Progress, Study, StudyResult
 from pkmsea.study.table import FAILED, UNVERIFIED, VERIFIED
 from pkmsea.views.study_panels import Axis, Part, axes_of, parts_of
 from pkmsea.views.tables import console
@@ -25,28 +25,28 @@ DIGITS = 4  # of parameters
 
 
 @contextmanager
-def study_progress(quiet: bool = False) -> Iterator[Callable[[Progress], None]]:
+def progress(study: Study, quiet: bool = False) -> Iterator[Callable[[Progress], None]]:
     """What `run_study` takes as `progress`: one bar on a terminal's standard error, with failed points, the best energy
     and the time left; silent when piped or asked to be quiet."""
     where = Console(stderr=True, quiet=quiet or not sys.stderr.isatty())
     columns = (
-        TextColumn("points"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
         TimeRemainingColumn(), TextColumn("{task.fields[note]}"),
     )  # fmt: skip
     with Bars(*columns, console=where, disable=where.quiet, speed_estimate_period=SPEED_OVER) as bars:
         tasks: list[TaskID] = []
 
-        def tell(progress: Progress) -> None:
+        def tell(reached: Progress) -> None:
             if not tasks:  # begins with what an earlier run has done, which is no measure of speed
-                tasks.append(bars.add_task("", total=progress.total, completed=progress.done, note=""))
-            bars.update(tasks[0], completed=progress.done, note=_note(progress))
+                tasks.append(bars.add_task(escape(study.name), total=reached.total, completed=reached.done, note=""))
+            bars.update(tasks[0], completed=reached.done, note=_note(reached))
 
         yield tell
 
 
-def _note(progress: Progress) -> str:
-    best = [f"best {progress.best:.4g} J"] if np.isfinite(progress.best) else []
-    return ", ".join(best + ([f"{progress.failed} failed"] if progress.failed else []))
+def _note(reached: Progress) -> str:
+    best = [f"best {reached.best:.4g} J"] if np.isfinite(reached.best) else []
+    return ", ".join(best + ([f"{reached.failed} failed"] if reached.failed else []))
 
 
 def study_record(result: StudyResult) -> dict[str, Any]:
