@@ -92,14 +92,15 @@ def print_study(result: StudyResult) -> None:
     study, parts = result.study, parts_of(result)
     axes = axes_of(study)
     optima = ["co-optimised E [J]", "better by", "c"] if any(part.optimum or part.lost for part in parts) else []
-    table = Table(title=escape(study.name), caption="*: not verified", box=box.SIMPLE_HEAD)
-    headings = ["points", VERIFIED, UNVERIFIED, FAILED, "best E [J]", "at"]
-    for heading in ["case", "setup", *headings, *optima]:
+    wrong = [status for status in (UNVERIFIED, FAILED) if any(len(part.having(status)) for part in parts)]
+    starred = any(row and row["status"] != VERIFIED for part in parts for row in (part.best(), part.optimum))
+    table = Table(title=escape(study.name), caption="*: not verified" if starred else None, box=box.SIMPLE_HEAD)
+    for heading in ["case", "setup", "points", VERIFIED, *wrong, "best E [J]", "at", *optima]:
         table.add_column(heading, justify="left" if heading in ("case", "setup", "at", "c") else "right")
     for part in parts:
         counts = [
             f"{len(part.rows)} of {study.size}",
-            *(str(len(part.having(s))) for s in (VERIFIED, UNVERIFIED, FAILED)),
+            *(str(len(part.having(status))) for status in (VERIFIED, *wrong)),
         ]
         table.add_row(part.case, escape(part.setup), *counts, *_best(part, axes), *(_optimum(part) if optima else []))
     out = console()
