@@ -19,7 +19,7 @@ from rich.console import Console
 
 from pkmsea.study import Progress, Study, StudyResult
 from pkmsea.study.table import DONE, FAILED, UNVERIFIED, VERIFIED
-from pkmsea.views import study_tables
+from pkmsea.views import study_table
 from pkmsea.views.figures import save_figure
 from pkmsea.views.scatter import FAILED_AT
 from pkmsea.views.study import study_figure, write_points
@@ -225,7 +225,7 @@ def test_an_optimum_without_any_point(parameters: int, tmp_path: Path) -> None:
     rows = [x | nothing if x["point"] >= 0 else x for x in rows]
     empty = StudyResult(whole.study, pd.DataFrame(rows), tmp_path, False)
     assert "made up" in texts(study_figure(empty), tmp_path)
-    (part,) = study_tables.study_record(empty)["results"]
+    (part,) = study_table.study_record(empty)["results"]
     assert part["best"] is None and part["optimum"]["energy_true"] == 0.2912345
     assert pd.read_csv(write_points(empty, tmp_path)[1])["claimed [J]"].tolist() == [0.2912345, 0.35, 0.4]
 
@@ -249,7 +249,7 @@ def test_points_and_optima_as_csv(tmp_path: Path) -> None:
 
 
 def test_records_count_points_and_compare_with_the_optimum() -> None:
-    record = study_tables.study_record(landscape(2, failed=0, unverified=8))
+    record = study_table.study_record(landscape(2, failed=0, unverified=8))
     (part,) = json.loads(json.dumps(record))["results"]
     assert [part[key] for key in ("done", "verified", "not_verified", "failed")] == [9, 7, 1, 1]
     assert part["reasons"] == {FAILED: BROKEN, UNVERIFIED: f"{REASON} (8 J)"}
@@ -266,8 +266,8 @@ def test_an_optimum_that_failed_is_told(monkeypatch: pytest.MonkeyPatch, tmp_pat
     )
     broken = result(rows.to_dict("records"), dict(list(SPRINGS.items())[:2]), setups=["SEA"], optimum=True)
     out = io.StringIO()
-    monkeypatch.setattr(study_tables, "console", lambda: Console(file=out, width=200))
-    study_tables.print_study(broken)
+    monkeypatch.setattr(study_table, "console", lambda: Console(file=out, width=200))
+    study_table.print_study(broken)
     assert f"all, SEA: co-optimised: {BROKEN}" in out.getvalue()
     assert "co-optimisation failed" in texts(study_figure(broken), tmp_path)
 
@@ -278,13 +278,13 @@ def test_the_table_tells_the_most_frequent_reason(monkeypatch: pytest.MonkeyPatc
     for i, reason in enumerate((f"{REASON} (1.2e-3 J)", "a limit is overstepped", f"{REASON} (0.4 J)")):
         rows[i] |= {"status": UNVERIFIED, "reason": reason}
     out = io.StringIO()
-    monkeypatch.setattr(study_tables, "console", lambda: Console(file=out, width=200))
-    study_tables.print_study(result(rows, dict(list(SPRINGS.items())[:2]), setups=["SEA"]))
+    monkeypatch.setattr(study_table, "console", lambda: Console(file=out, width=200))
+    study_table.print_study(result(rows, dict(list(SPRINGS.items())[:2]), setups=["SEA"]))
     assert f"2 of 3 not verified: {REASON} (1.2e-3 J)" in out.getvalue()
     assert "9 of 9" in out.getvalue() and "0.3000" in out.getvalue()
 
 
 def test_progress_is_silent_when_piped(capsys: pytest.CaptureFixture[str]) -> None:
-    with study_tables.progress(sweep().study) as tell:
+    with study_table.study_progress() as tell:
         tell(Progress(done=3, failed=1, total=9, best=0.3))
     assert capsys.readouterr() == ("", "")

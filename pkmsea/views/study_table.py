@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, Tim
 from rich.progress import Progress as Bars
 from rich.table import Table
 
-from pkmsea.study import Progress, Study, StudyResult
+from pkmsea.study import Progress, StudyResult
 from pkmsea.study.table import FAILED, UNVERIFIED, VERIFIED
 from pkmsea.views.study_panels import Axis, Part, axes_of, parts_of
 from pkmsea.views.tables import console
@@ -25,7 +25,7 @@ DIGITS = 4  # of parameters
 
 
 @contextmanager
-def progress(study: Study, quiet: bool = False) -> Iterator[Callable[[Progress], None]]:
+def study_progress(quiet: bool = False) -> Iterator[Callable[[Progress], None]]:
     """What `run_study` takes as `progress`: one bar on a terminal's standard error, with failed points, the best energy
     and the time left; silent when piped or asked to be quiet."""
     where = Console(stderr=True, quiet=quiet or not sys.stderr.isatty())
@@ -38,7 +38,7 @@ def progress(study: Study, quiet: bool = False) -> Iterator[Callable[[Progress],
 
         def tell(reached: Progress) -> None:
             if not tasks:  # begins with what an earlier run has done, which is no measure of speed
-                tasks.append(bars.add_task(escape(study.name), total=reached.total, completed=reached.done, note=""))
+                tasks.append(bars.add_task("points", total=reached.total, completed=reached.done, note=""))
             bars.update(tasks[0], completed=reached.done, note=_note(reached))
 
         yield tell
