@@ -15,7 +15,7 @@ from pkmsea.errors import PkmseaError
 from pkmsea.files import file_name
 from pkmsea.problem import build_problem
 from pkmsea.solution import Mesh, Solution
-from pkmsea.solution.solve import chosen
+from pkmsea.solution.solve import NEAR, chosen
 from pkmsea.solution.store import motion_of, motion_record
 from pkmsea.solver import Start
 from pkmsea.solver.multistart import distinct, finish, multistart, restart, run_start
@@ -117,8 +117,9 @@ def _starts(transcription: Transcription, job: Job) -> list[Start]:
         if interrupted:
             raise KeyboardInterrupt
         return starts + found
+    enough = (1 + NEAR) * min((start.energy for start in starts), default=float("inf"))
     own = [run_start(transcription, index) for index in job.indices]
-    return starts + [finish(transcription, start) if start.usable else start for start in own]
+    return starts + [finish(transcription, start) if start.energy <= enough else start for start in own]
 
 
 def record(solution: Solution) -> dict[str, Any]:

@@ -159,7 +159,7 @@ class _Run:
         self._finish(jobs)
 
     def _again(self, points: Points, turn: int) -> None:
-        """A further round: all points start from their nearest, in the second from those that did not start them yet."""
+        """A further round: all points start from their nearest; in the second from those that have not yet done so."""
         jobs = []
         for case, setup in self._pairs():
             usable = [i for i in range(len(points.values)) if self._best(case, setup, i, turn)]
