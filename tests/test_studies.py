@@ -1,0 +1,92 @@
+"""The study files of the examples, each run with a few points, and what physics says about their answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pkmsea.files import read_yaml
+from pkmsea.paper.reproduce import calibrated_numbers
+from pkmsea.solution import solve
+from pkmsea.study import Study, run_study, with_drive_numbers
+from pkmsea.study.study import check_names
+from pkmsea.task import load_task
+
+STUDIES = Path(__file__).parents[1] / "examples" / "studies"
+FILES = [file for file in sorted(STUDIES.rglob("*.yaml")) if "vary" in read_yaml(file)]
+NUMERICAL = 2e-3  # relative: one start, two meshes
+CALIBRATED = 1e-2  # relative: the study's tolerance, and its coarse splines
+
+
+def reduced(file: Path) -> Study:
+    """The study with the ends and the middle of every interval, the last of listed values, one start and two meshes."""
+    data = read_yaml(file)
+    for varied in data["vary"].values():
+        varied |= {"count": 3} if "count" in varied else {"values": varied["values"][-1:]}
+    data["set"] = data.get("set", {}) | {"options.starts": 1, "options.meshes": 2}
+    data |= {"task": str((file.parent / data["task"]).resolve()), "rounds": 1, "results": "none"}
+    study = Study.model_validate(data)
+    check_names(study)
+    return study
+
+
+def energies(table: pd.DataFrame, *by: str) -> pd.DataFrame:
+    """Energy [J] by setup, over cases and parameters."""
+    return table.pivot_table("energy", ["case", *by], "setup")
+
+
+def cycle_time(table: pd.DataFrame) -> None:
+    """A shorter cycle costs more; stiff springs are rigid, so the best ones are never worse."""
+    energy = energies(table, "cycle.period")
+    for _, of_case in energy.groupby("case"):
+        assert (of_case.diff().dropna() < 0).all(axis=None)
+    assert (energy["PKM SEA"] < (1 + NUMERICAL) * energy["PKM RD"]).all()
+
+
+def inertia_ratio(table: pd.DataFrame) -> None:
+    """Rigid drives pay for their rotors; springs let the heaviest ones swing."""
+    energy = energies(table, "ratio")
+    assert (energy["PKM RD"].diff().dropna() > 0).all()
+    assert (energy["PKM SEA"] < (1 + NUMERICAL) * energy["PKM RD"]).all()
+    relative = energy["PKM SEA"] / energy["PKM RD"]
+    assert relative.iloc[-1] < relative.iloc[0]
+
+
+def bought_spring(table: pd.DataFrame) -> None:
+    """No bought spring is better than the optimal one, and what it costs is of second order in the error."""
+    for _, energy in table.groupby("case"):
+        middle = energy[(energy["f_1"] == 1) & (energy["f_2"] == 1)]["energy"].item()
+        assert middle < 1.001 * energy["energy"].min()
+        assert energy["energy"].max() < 1.03 * middle
+
+
+def base_geometry(table: pd.DataFrame) -> None:
+    """The last values are the mirror image of the shipped base: calibrated alike, and of the same energies."""
+    for number, value in {**calibrated_numbers(3), **calibrated_numbers(4)}.items():
+        assert np.allclose(table[number].dropna(), value, rtol=CALIBRATED), number
+    shipped = load_task(STUDIES / "base_geometry" / "task.yaml").with_starts(1)
+    for row in table[table["case"] == "friction"].itertuples():
+        task = with_drive_numbers(shipped, copper_loss=row.copper_loss, friction=row.friction)
+        assert row.energy == pytest.approx(solve(task, row.setup, workers=1).energy, rel=NUMERICAL)
+
+
+LAWS: dict[str, Callable[[pd.DataFrame], None]] = {
+    "cycle_time.yaml": cycle_time,
+    "inertia_ratio.yaml": inertia_ratio,
+    "bought_spring.yaml": bought_spring,
+    "base_geometry/study.yaml": base_geometry,
+}
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(STUDIES)))
+def test_study(file: Path, tmp_path: Path) -> None:
+    """Reduced: every point is solved and verified, and the study's law holds."""
+    result = run_study(reduced(file), tmp_path, workers=1)
+    unverified: Any = result.rows[result.rows["status"] != "verified"]
+    assert unverified.empty, unverified[["case", "setup", "point", "status", "reason"]].to_string()
+    LAWS[str(file.relative_to(STUDIES))](result.table)
