@@ -61,12 +61,12 @@ def solve_point(job: Job) -> dict[str, Any]:
     """The row of a job: `energy` [J], `claimed`, `status`, `reason`, `stiffness` and so on; it does not raise."""
     begin = time.perf_counter()
     try:
-        row = _solved(job, begin)
+        row = _named(job.key, job.values) | _solved(job, begin)
     except PkmseaError as error:
-        return failure(job.key, job.values, str(error))
+        row = failure(job.key, job.values, str(error))
     except Exception as error:  # a point that fails must not take the others with it
-        return failure(job.key, job.values, f"{type(error).__name__}: {error}")
-    return _named(job.key, job.values) | row | {"seconds": time.perf_counter() - begin}
+        row = failure(job.key, job.values, f"{type(error).__name__}: {error}")
+    return row | {"seconds": time.perf_counter() - begin}
 
 
 def failure(key: tuple[str, str, int, int], values: Mapping[str, float], reason: str) -> dict[str, Any]:
