@@ -68,6 +68,13 @@ def bought_spring(result: StudyResult) -> None:
         assert energy["energy"].max() < 1.03 * middle
 
 
+def landscape(result: StudyResult) -> None:
+    """Springs that are optimised with the motion are no worse than any on the grid."""
+    for row in result.optima.itertuples():
+        of_case = result.table[(result.table["case"] == row.case) & (result.table["status"] == "verified")]
+        assert row.energy < (1 + NUMERICAL) * of_case["energy"].min()
+
+
 def base_geometry(result: StudyResult) -> None:
     """The last values are the mirror image of the shipped base: calibrated alike, and of the same energies."""
     table = result.table
@@ -90,6 +97,7 @@ LAWS: dict[str, Callable[[StudyResult], None]] = {
     "cycle_time.yaml": cycle_time,
     "inertia_ratio.yaml": inertia_ratio,
     "bought_spring.yaml": bought_spring,
+    "landscape_2_arms.yaml": landscape,
     "base_geometry/study.yaml": base_geometry,
 }
 

@@ -39,7 +39,7 @@ def main(folder: Path, csv: Path | None = None) -> None:
     with sqlite3.connect(folder / "study.sqlite") as base:
         points = pd.read_sql_query("SELECT * FROM points", base)
     table = ranked(points)
-    print(table.head(SHOWN).to_string(float_format="{:.4g}".format))
+    print(table.head(SHOWN).reset_index().to_string(index=False, float_format="{:.4g}".format))
     bases = len(points[BASE].drop_duplicates())
     print(
         f"{bases - len(table)} of {bases} bases have failed rows: a point that the robot cannot reach, or a singularity"
