@@ -45,15 +45,6 @@ def test_first_cycle(tmp_path: Path) -> None:
     assert "verified" in run("first_cycle.py", tmp_path)
 
 
-def test_base_geometry_study(tmp_path: Path) -> None:
-    """Reduced: the shipped base, calibrated anew, with all six elastic rows."""
-    table = tmp_path / "study.csv"
-    run("studies/base_geometry.py", tmp_path, "--quick", "-o", str(table))
-    header, row, *_ = table.read_text().splitlines()
-    assert len(row.split(",")) == len(header.split(","))
-    assert 90 < float(row.split(",")[3]) < 102  # PKM SEA of table 2 [%]
-
-
 def test_transcriptions_study(tmp_path: Path) -> None:
     """Reduced: one case at the coarsest size. Finer grids than knots claim the truth, samples at the knots do not."""
     run("studies/transcriptions", tmp_path, "--quick", "-o", str(tmp_path))

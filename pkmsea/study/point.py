@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from joblib import Memory
 
 from pkmsea.errors import PkmseaError
 from pkmsea.files import file_name
@@ -40,6 +41,7 @@ class Job:
     near : motions of neighbours, as `motion_record`s in JSON, each a start.
     indices : of the random starts beside; None for the whole multi-start of the task.
     known : what this point's best solution so far claims on the first mesh [J]; None in the first round.
+    cache : folder where calibrated numbers are kept, for the points that differ in another setup only.
     result : file to save the solution in.
     """
 
@@ -51,6 +53,7 @@ class Job:
     indices: tuple[int, ...] | None = None
     known: float | None = None
     calibrate: tuple[Calibration, ...] = ()
+    cache: str | None = None
     result: str | None = None
 
 
@@ -58,12 +61,12 @@ def solve_point(job: Job) -> dict[str, Any]:
     """The row of a job: `energy` [J], `claimed`, `status`, `reason`, `stiffness` and so on; it does not raise."""
     begin = time.perf_counter()
     try:
-        row = _solved(job, begin)
+        row = _named(job.key, job.values) | _solved(job, begin)
     except PkmseaError as error:
-        return failure(job.key, job.values, str(error))
+        row = failure(job.key, job.values, str(error))
     except Exception as error:  # a point that fails must not take the others with it
-        return failure(job.key, job.values, f"{type(error).__name__}: {error}")
-    return _named(job.key, job.values) | row | {"seconds": time.perf_counter() - begin}
+        row = failure(job.key, job.values, f"{type(error).__name__}: {error}")
+    return row | {"seconds": time.perf_counter() - begin}
 
 
 def failure(key: tuple[str, str, int, int], values: Mapping[str, float], reason: str) -> dict[str, Any]:
@@ -84,10 +87,18 @@ def task_of(job: Job) -> tuple[Task, dict[str, float]]:
     """The job's task, and the drive numbers that were calibrated for it."""
     task = _with_file(Task.model_validate_json(job.task), job.file)
     numbers: dict[str, float] = {}
+    calibrated = Memory(job.cache, verbose=0).cache(_calibrated)
     for c in job.calibrate:
-        numbers[c.number] = calibrate(task, c.setup, c.number, c.energy, c.start)
+        alone = task.model_copy(update={"setups": (task.setup(c.setup),)})
+        numbers[c.number] = calibrated(alone.model_dump_json(), job.file, c.model_dump())
         task = with_drive_numbers(task, **{c.number: numbers[c.number]})
     return task, numbers
+
+
+def _calibrated(task: str, file: str | None, asked: dict[str, Any]) -> float:
+    c = Calibration.model_validate(asked)
+    alone = _with_file(Task.model_validate_json(task), file)
+    return calibrate(alone, c.setup, c.number, c.energy, c.start, c.tolerance)
 
 
 def _with_file(task: Task, file: str | None) -> Task:

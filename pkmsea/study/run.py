@@ -21,6 +21,7 @@ from pkmsea.study.study import Search, Study, load_study
 from pkmsea.study.table import DONE, FAILED, HIDDEN, NAME, VERIFIED, Table, best, first_claim, rank, records
 from pkmsea.study.tasks import check, task_at
 
+CALIBRATED = "calibrated"  # folder
 OPTIMUM = -1  # the point that stands for the task as it says itself
 SEEDS = 6  # best local minima among the points that start the optimum
 
@@ -191,7 +192,7 @@ class _Run:
         origin = str(task.file.resolve()) if task.file else None
         return Job(
             key, values or {}, task.model_dump_json(), origin, tuple(row["motion"] for row in rows), indices,
-            first_claim(own) if own else None, self.study.cases[case].calibrate, file,
+            first_claim(own) if own else None, self.study.cases[case].calibrate, str(self.out / CALIBRATED), file,
         )  # fmt: skip
 
     def _finish(self, jobs: Iterable[Job | None]) -> None:

@@ -109,6 +109,7 @@ class Calibration(Record):
     setup: str
     energy: float = Field(gt=0, description="[J]")
     start: float = Field(gt=0, description="where the search begins")
+    tolerance: float = Field(1e-5, gt=0, le=0.1, description="of the value, relative")
 
 
 class Case(Record):
@@ -180,7 +181,8 @@ class Study(Record):
     @property
     def keys(self) -> dict[str, Expression]:
         """What the varied parameters change, key by key: those that `set` asks for, and those that are keys."""
-        used = set().union(*(names_in(expression) for expression in self.set.values()))
+        texts = [text for given in (self.set, *(case.set for case in self.cases.values())) for text in given.values()]
+        used = set().union(*map(names_in, texts))
         return {name: name for name in self.vary if name not in used} | self.set
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pkmsea.errors import InputError, NameNotFound
 from pkmsea.problem import build_problem
 from pkmsea.study.changes import changed_task
-from pkmsea.study.expressions import evaluate
+from pkmsea.study.expressions import evaluate, names_in
 from pkmsea.study.points import values_at
 from pkmsea.study.study import Study
 from pkmsea.task import Task
@@ -19,15 +19,16 @@ MECHANISMS = "mechanisms"  # folder of the changed ones
 
 
 def task_at(study: Study, case: str, values: Mapping[str, float] | None, out: Path) -> Task:
-    """The study's task in one case, with the varied parameters at some values; None leaves out all that they change.
+    """The study's task in one case with the varied parameters at some values; None leaves out what depends on them.
 
     Raises
     ------
     InputError : a key leads nowhere, an expression has no value, or the task becomes impossible; names the key.
     """
     expressions = {key: (f"cases.{case}.set.{key}", text) for key, text in study.cases[case].set.items()}
-    if values is not None:
-        expressions |= {key: (f"set.{key}" if key in study.set else f"vary.{key}", x) for key, x in study.keys.items()}
+    expressions |= {key: (f"set.{key}" if key in study.set else f"vary.{key}", x) for key, x in study.keys.items()}
+    if values is None:
+        expressions = {k: given for k, given in expressions.items() if k not in study.vary and not names_in(given[1])}
     numbers: dict[str, float] = {}
     for key, (place, text) in expressions.items():
         try:
