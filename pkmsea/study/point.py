@@ -6,11 +6,11 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from joblib import Memory
 
 from pkmsea.errors import PkmseaError
 from pkmsea.files import file_name
@@ -21,6 +21,7 @@ from pkmsea.solution.store import motion_of, motion_record
 from pkmsea.solver import Start
 from pkmsea.solver.multistart import distinct, finish, multistart, restart, run_start
 from pkmsea.study.calibrate import calibrate, with_drive_numbers
+from pkmsea.study.kept import kept
 from pkmsea.study.study import KEY, Calibration
 from pkmsea.study.table import DONE, FAILED, NO_BETTER, UNVERIFIED, VERIFIED, rank, records
 from pkmsea.task import Task
@@ -53,7 +54,7 @@ class Job:
     indices: tuple[int, ...] | None = None
     known: float | None = None
     calibrate: tuple[Calibration, ...] = ()
-    cache: str | None = None
+    cache: str = "."
     result: str | None = None
 
 
@@ -87,18 +88,13 @@ def task_of(job: Job) -> tuple[Task, dict[str, float]]:
     """The job's task, and the drive numbers that were calibrated for it."""
     task = _with_file(Task.model_validate_json(job.task), job.file)
     numbers: dict[str, float] = {}
-    calibrated = Memory(job.cache, verbose=0).cache(_calibrated)
     for c in job.calibrate:
-        alone = task.model_copy(update={"setups": (task.setup(c.setup),)})
-        numbers[c.number] = calibrated(alone.model_dump_json(), job.file, c.model_dump())
+        alone = _with_file(task.model_copy(update={"setups": (task.setup(c.setup),)}), job.file)
+        text = alone.model_dump_json() + c.model_dump_json()
+        search = partial(calibrate, alone, c.setup, c.number, c.energy, c.start, c.tolerance)
+        numbers[c.number] = kept(Path(job.cache), text, search)
         task = with_drive_numbers(task, **{c.number: numbers[c.number]})
     return task, numbers
-
-
-def _calibrated(task: str, file: str | None, asked: dict[str, Any]) -> float:
-    c = Calibration.model_validate(asked)
-    alone = _with_file(Task.model_validate_json(task), file)
-    return calibrate(alone, c.setup, c.number, c.energy, c.start, c.tolerance)
 
 
 def _with_file(task: Task, file: str | None) -> Task:
