@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from pkmsea.mechanism.urdf import find
 from pkmsea.study.study import Study
 
 PACKAGES = ("pkmsea", "casadi", "pin", "numpy", "scipy")
-NOT_RESULTS = {"results", "name"}  # keys that do not change what is solved
+NOT_RESULTS: Any = {"results": True, "name": True, "vary": {"__all__": {"label"}}}  # keys that change no solution
 
 
 def fingerprint(study: Study) -> dict[str, str]:
