@@ -177,6 +177,31 @@ def test_an_unexpected_error_is_a_row() -> None:
     assert row["status"] == "failed" and "ValidationError" in row["reason"]
 
 
+def test_command(tmp_path: Path) -> None:
+    """Solves, draws and tells; goes on with what is there; bad input ends with exit code 2 and no traceback."""
+    study = STUDY | {"vary": {"cycle.period": {"values": [1.9, 2.1]}}, "set": {}, "setups": ["rigid", "elastic"],
+                     "results": "best"}  # fmt: skip
+    path, out = write(tmp_path / "files", study), tmp_path / "out"
+    command = [str(Path(sys.executable).with_name("pkmsea")), "study", str(path), "-o", str(out), "--workers", "1"]
+    first = subprocess.run(command, capture_output=True, text=True)
+    assert first.returncode == 0, first.stderr
+    assert first.stderr == ""  # no progress where nobody looks
+    written = {file.relative_to(out).as_posix() for file in out.rglob("*") if file.is_file()}
+    assert written == {
+        "study.sqlite",
+        "points.csv",
+        "optima.csv",
+        "study.png",
+        "best/all_rigid.nc",
+        "best/all_elastic.nc",
+    }
+    assert subprocess.run(command, capture_output=True, text=True).stdout == first.stdout
+    write(tmp_path / "files", study | {"vary": {"cycle.period": {"values": [float("nan")]}}})
+    bad = subprocess.run(command, capture_output=True, text=True)
+    assert bad.returncode == 2
+    assert "study.yaml, vary.cycle.period.values.0" in bad.stderr.replace("\n", " ") and "Traceback" not in bad.stderr
+
+
 @pytest.fixture
 def base(tmp_path: Path) -> Iterator[Path]:
     yield tmp_path
