@@ -107,18 +107,19 @@ def test_springs_pay_from_where_the_ratio_passes_one(tmp_path: Path) -> None:
     assert name in texts(figure, tmp_path)
 
 
+@pytest.mark.parametrize("name", ["x", "ratio"])
 @pytest.mark.parametrize("logarithmic", [False, True])
-def test_crossings_lie_between_points(logarithmic: bool) -> None:
+def test_crossings_lie_between_points(logarithmic: bool, name: str) -> None:
     """Linear interpolation from 0.9 at x = 1 to 1.2 at x = 8: a third of the way, in x or in its logarithm."""
     kind = {"log": [1, 8]} if logarithmic else {"range": [1, 8]}
-    rows = [row("rigid", i, {"x": x}, 1.0) for i, x in enumerate((1.0, 8.0))]
-    rows += [row("SEA", i, {"x": x}, e) for i, (x, e) in enumerate(((1.0, 0.9), (8.0, 1.2)))]
+    rows = [row("rigid", i, {name: x}, 1.0) for i, x in enumerate((1.0, 8.0))]
+    rows += [row("SEA", i, {name: x}, e) for i, (x, e) in enumerate(((1.0, 0.9), (8.0, 1.2)))]
     rows[-1] |= {"status": UNVERIFIED, "reason": REASON}
-    found = result(rows, {"x": kind | {"count": 2}})
+    found = result(rows, {name: kind | {"count": 2}})
     (axis,) = axes_of(found.study)
     (crossing,) = crossings(relative(*parts_of(found), axis), axis)
     assert crossing.at == pytest.approx(2.0 if logarithmic else 1 + 7 / 3)
-    assert crossing.label("SEA", axis) == f"SEA pays up to x = {crossing.at:.3g} (not verified)"
+    assert crossing.label("SEA", axis) == f"SEA pays up to {name} = {crossing.at:.3g} (not verified)"
 
 
 def test_failed_points_are_gaps_and_never_crossings() -> None:

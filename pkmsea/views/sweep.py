@@ -17,6 +17,7 @@ from pkmsea.views.figures import COLORS, DRIVE_STYLES
 from pkmsea.views.study_panels import Axis, Part, colored, energy_scale, logarithmic, parts_of
 
 WIDTH, HEIGHT = 5.2, 3.3  # of a panel [in]
+RELATIVE = "E/E"  # column; no varied parameter can be called so
 FAILED_AT = 0.03  # height of the crosses of failed points in a panel
 
 
@@ -101,7 +102,7 @@ def _ratios(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
     panel.axhline(1.0, color=COLORS[0], lw=1.2)
     for color, part in colored(parts)[1:]:
         rows = relative(parts[0], part, axis)
-        _line(panel, rows, axis, "ratio", color, None)
+        _line(panel, rows, axis, RELATIVE, color, None)
         for crossing in crossings(rows, axis):
             panel.axvline(crossing.at, color=color, lw=1, ls=":")
             panel.plot(crossing.at, 1.0, "D", color=color, mec="k", ms=6, label=crossing.label(part.setup, axis))
@@ -112,19 +113,19 @@ def _ratios(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
 
 
 def relative(first: Part, other: Part, axis: Axis) -> Any:
-    """The other setup's points with `ratio`, its energy over the first one's; NaN where one of them failed. A ratio is
+    """The other setup's points with RELATIVE, its energy over the first one's; NaN where one of them failed. A ratio is
     verified if both energies are."""
     both = other.rows.merge(first.rows[["point", "energy", "status"]], on="point", suffixes=("", "_first"))
     doubtful = (both["status"] == VERIFIED) & (both["status_first"] != VERIFIED)
     status = both["status"].mask(doubtful, both["status_first"])
-    return both.assign(ratio=both["energy"] / both["energy_first"], status=status).sort_values(axis.name)
+    return both.assign(**{RELATIVE: both["energy"] / both["energy_first"], "status": status}).sort_values(axis.name)
 
 
 def crossings(rows: Any, axis: Axis) -> list[Crossing]:
-    """Where `ratio` passes 1 between neighbouring points that are both solved, by linear interpolation over the even
+    """Where RELATIVE passes 1 between neighbouring points that are both solved, by linear interpolation over the even
     coordinate of the axis."""
     found = []
-    x, above = axis.even(rows[axis.name]), rows["ratio"].to_numpy(float) - 1.0
+    x, above = axis.even(rows[axis.name]), rows[RELATIVE].to_numpy(float) - 1.0
     sure = (rows["status"] == VERIFIED).to_numpy()
     for i, j in pairwise(range(len(x))):
         if np.isfinite(above[[i, j]]).all() and (above[i] > 0) != (above[j] > 0):
