@@ -245,7 +245,7 @@ def test_starts_of_a_dead_worker_run_again(transcription: Transcription, tmp_pat
 
 
 def test_a_worker_that_dies_again_is_a_typed_error(transcription: Transcription, tmp_path: Path) -> None:
-    calls = [(die, (number, tmp_path, 2 * int(number == 0))) for number in range(3)]
+    calls = [(die, (number, tmp_path, 3 * int(number == 0))) for number in range(3)]
     finished = []
     with pytest.raises(SolveError, match=r"setup 'setup': A worker process has died again.*--workers"):
         for number in spread(transcription, 2, calls):
