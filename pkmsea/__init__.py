@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pkmsea.solution.export import export
     from pkmsea.solution.store import load as load_solution
     from pkmsea.solver import Optimality, Optimum
-    from pkmsea.study import calibrate
+    from pkmsea.study import Study, StudyResult, calibrate, load_study, run_study
     from pkmsea.task import Task, load_task
     from pkmsea.transcription import Transcription, transcribe
     from pkmsea.verification import Verification, verify
@@ -28,16 +28,16 @@ _WHERE = {
     "Audit": "solution", "Solution": "solution", "solve": "solution", "solve_all": "solution",
     "export": "solution.export", "load_solution": "solution.store:load",
     "Optimality": "solver", "Optimum": "solver",
-    "calibrate": "study",
+    "Study": "study", "StudyResult": "study", "calibrate": "study", "load_study": "study", "run_study": "study",
     "Task": "task", "load_task": "task",
     "Transcription": "transcription", "transcribe": "transcription",
     "Verification": "verification", "verify": "verification",
 }  # fmt: skip
 
 __all__ = [
-    "Actuation", "Audit", "Drive", "Mechanism", "Optimality", "Optimum", "PkmseaError", "Problem", "Solution", "Task",
-    "Transcription", "Verification", "build_problem", "calibrate", "export", "flat_map", "load_mechanism",
-    "load_solution", "load_task", "solve", "solve_all", "transcribe", "verify",
+    "Actuation", "Audit", "Drive", "Mechanism", "Optimality", "Optimum", "PkmseaError", "Problem", "Solution", "Study",
+    "StudyResult", "Task", "Transcription", "Verification", "build_problem", "calibrate", "export", "flat_map",
+    "load_mechanism", "load_solution", "load_study", "load_task", "run_study", "solve", "solve_all", "transcribe", "verify",
 ]  # fmt: skip
 
 

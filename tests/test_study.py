@@ -136,6 +136,9 @@ def test_failed_points_are_rows(folder: Path) -> None:
     study = STUDY | {"vary": {"cycle.period": {"values": [0.5, 2.0]}}, "set": {}, "rounds": 1, "optimum": True}
     result = run_study(write(folder / "failing", study), folder / "failing" / "out", workers=1)
     assert list(result.table["status"]) == ["failed", "verified"]
+    assert result.solution("all", "elastic", 1).energy == pytest.approx(result.table["energy"][1], rel=1e-12)
+    with pytest.raises(InputError, match="no solution"):
+        result.solution("all", "elastic", 0)
     assert "overlap" in result.table["reason"][0]
     assert result.optima["energy"][0] == pytest.approx(result.table["energy"][1], rel=1e-3)  # the period is 2 s already
 

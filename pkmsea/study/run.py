@@ -12,8 +12,9 @@ import pandas as pd
 
 from pkmsea.errors import InputError
 from pkmsea.files import file_name
+from pkmsea.solution import Solution
 from pkmsea.study.fingerprint import fingerprint
-from pkmsea.study.point import Job, failure, lost, save_best, solve_point
+from pkmsea.study.point import Job, failure, lost, save_best, solution_of, solve_point
 from pkmsea.study.points import Points, levels, points_of
 from pkmsea.study.pool import Pool, open_pool
 from pkmsea.study.search import Searcher
@@ -57,6 +58,22 @@ class StudyResult:
     def optima(self) -> pd.DataFrame:
         """The task as it says itself, by case and setup; empty without `optimum`."""
         return best(self.rows[self.rows["point"] == OPTIMUM])
+
+    def solution(self, case: str, setup: str, point: int) -> Solution:
+        """The best solution of a point, ready to be drawn, played, verified or exported; -1 is the optimum.
+
+        Raises
+        ------
+        InputError : there is no solution of this point.
+        """
+        found = best(self.rows[self.rows["outcome"] == DONE])
+        chosen = found[(found["case"] == case) & (found["setup"] == setup) & (found["point"] == point)]
+        if chosen.empty:
+            raise InputError(
+                f"Point {point} of case '{case}' and setup '{setup}' has no solution.",
+                "Look at the table for those that have.", file=self.folder / NAME,
+            )  # fmt: skip
+        return solution_of(records(chosen)[0])
 
 
 def run_study(
