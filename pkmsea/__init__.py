@@ -37,7 +37,8 @@ _WHERE = {
 __all__ = [
     "Actuation", "Audit", "Drive", "Mechanism", "Optimality", "Optimum", "PkmseaError", "Problem", "Solution", "Study",
     "StudyResult", "Task", "Transcription", "Verification", "build_problem", "calibrate", "export", "flat_map",
-    "load_mechanism", "load_solution", "load_study", "load_task", "run_study", "solve", "solve_all", "transcribe", "verify",
+    "load_mechanism", "load_solution", "load_study", "load_task", "run_study", "solve", "solve_all", "transcribe",
+    "verify",
 ]  # fmt: skip
 
 
