@@ -59,12 +59,18 @@ def hold() -> None:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Where a signal, also one that waits, raises KeyboardInterrupt."""
+    """Where a signal, also one that waits, raises KeyboardInterrupt.
+
+    Libraries may make another exception of it on its way, CasADi for one: after a signal it is a KeyboardInterrupt again.
+    """
     global _held
     stop_if()
     _held = False
     try:
         yield
+    except Exception:
+        stop_if()
+        raise
     finally:
         hold()
 

@@ -218,9 +218,9 @@ def test_a_wrong_file_is_caught(solved: Callable[[str], Solution], tmp_path: Pat
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (scaled("stiffness", -1.0), "not a positive number"),
+        (scaled("stiffness", -1.0), "not positive"),
         (shifted("tau", (3, 0), np.nan), "missing"),
-        (energy_scaled(np.nan), "not a finite number"),
+        (energy_scaled(np.nan), "not finite"),
         (drives_changed(inertia=0.0), "A motor without inertia"),
     ],
 )
