@@ -61,7 +61,7 @@ def hold() -> None:
 def interruptible() -> Iterator[None]:
     """Where a signal, also one that waits, raises KeyboardInterrupt.
 
-    Libraries may make another exception of it on its way, CasADi for one: after a signal it is a KeyboardInterrupt again.
+    Libraries may make another exception of it on its way, as CasADi does: after a signal it is a KeyboardInterrupt again.
     """
     global _held
     stop_if()

@@ -8,7 +8,7 @@ from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 
-from pkmsea.errors import InputError
+from pkmsea.errors import InputError, SolveError
 from pkmsea.solver.processes import available_cores, unordered
 
 PATIENCE = 15  # [s] for the scheduler to answer
@@ -28,8 +28,7 @@ class Pool:
     ) -> Iterator[Row]:
         """The rows of all jobs, as they come; `lost` makes the row of a job that kills its process."""
         if self.client is not None:
-            with parallel_config(backend="dask", client=self.client, wait_for_workers_timeout=WAIT):
-                yield from Parallel(return_as="generator_unordered", batch_size=1)(delayed(function)(j) for j in jobs)
+            yield from self._on_cluster(function, jobs)
         elif self.workers == 1 or len(jobs) <= 1:
             yield from map(function, jobs)
         else:
@@ -37,6 +36,19 @@ class Pool:
             count = min(self.workers, len(jobs))
             for _, row in unordered(function, arguments, count, lambda number: lost(jobs[number])):
                 yield row
+
+    def _on_cluster(self, function: Callable[[Any], Row], jobs: Sequence[Any]) -> Iterator[Row]:
+        from distributed import KilledWorker
+
+        with parallel_config(backend="dask", client=self.client, wait_for_workers_timeout=WAIT):
+            try:
+                yield from Parallel(return_as="generator_unordered", batch_size=1)(delayed(function)(j) for j in jobs)
+            except (KilledWorker, TimeoutError) as error:
+                raise SolveError(
+                    f"The cluster has lost its workers ({type(error).__name__}).",
+                    "Look at their logs, start workers anew, and run the same command again: it goes on.",
+                    key="--scheduler",
+                ) from error
 
 
 @contextmanager

@@ -201,7 +201,8 @@ class _Run:
         except InputError as error:
             self._add(failure(key, values or {}, str(error)))
             return None
-        rows = [row for i in near if (row := self._best(case, setup, i, turn or 1))]
+        before = self.study.rounds if point == OPTIMUM else turn or 1
+        rows = [row for i in near if (row := self._best(case, setup, i, before))]
         file = None
         if self.study.results == "all" and point != OPTIMUM:
             folders = file_name(case, list(self.study.cases)), file_name(setup, self.study.names)
