@@ -61,7 +61,7 @@ def hold() -> None:
 def interruptible() -> Iterator[None]:
     """Where a signal, also one that waits, raises KeyboardInterrupt.
 
-    Libraries may make another exception of it on its way, as CasADi does: after a signal it is a KeyboardInterrupt again.
+    CasADi, for one, makes another exception of it on its way: after a signal that is a KeyboardInterrupt again.
     """
     global _held
     stop_if()
