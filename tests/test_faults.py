@@ -144,7 +144,7 @@ def test_what_a_killed_write_leaves_is_no_result_and_goes(tmp_path: Path) -> Non
         "import os, signal; from pathlib import Path; from pkmsea.files import write_whole\n"
         f"write_whole(Path({str(tmp_path)!r}) / 'a.nc', lambda t: (t.write_text('half'), os.kill(os.getpid(), 9)))"
     )
-    assert subprocess.run([sys.executable, "-c", script]).returncode == -signal.SIGKILL
+    assert subprocess.run([sys.executable, "-c", script], cwd=tmp_path.parent).returncode == -signal.SIGKILL
     (left,) = tmp_path.iterdir()
     assert left.suffix == PARTIAL and left.name.startswith(".a.nc-")
     write_whole(tmp_path / "a.nc", lambda temporary: temporary.write_text("whole"))
@@ -331,7 +331,9 @@ def test_decimal_commas_change_nothing(tmp_path: Path) -> None:
         cache = tmp_path / f"cache {name}"
         environment = os.environ | {"LOCPATH": str(tmp_path), "XDG_CACHE_HOME": str(cache)}
         command = [sys.executable, "-c", SOLVE_ABROAD, name, str(file), str(mjcf)]
-        process = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=environment)
+        process = subprocess.run(
+            command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, env=environment
+        )
         assert process.returncode == 0, process.stderr
         assert list(cache.rglob("*.so")) or not shutil.which("c++")
         answers.append(process.stdout)
