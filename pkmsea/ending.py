@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -90,6 +91,22 @@ def stop_if(interrupted: bool = False) -> None:
     """Raise KeyboardInterrupt where something was interrupted, or a signal came."""
     if interrupted or signals:
         raise KeyboardInterrupt
+
+
+@contextmanager
+def noticed() -> Iterator[None]:
+    """Where Ctrl-C is kept in `signals` until the end, as in a command: on its way a library may make another exception
+    of it, which looks like a failure of its own."""
+    main = threading.current_thread() is threading.main_thread()
+    ours = main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ours:
+        signal.signal(signal.SIGINT, _stop)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signals.clear()
 
 
 def _stop(number: int, frame: Any) -> None:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +99,8 @@ def test_a_stopped_study_goes_on(folder: Path, undisturbed: pd.DataFrame, how: s
     """Stopped after some of its points, and run again: the same table; nothing is solved twice."""
     out = folder / how.name
     program = f"from pkmsea.study import run_study; run_study({str(folder / 'study.yaml')!r}, {str(out)!r}, workers=1)"
-    process = subprocess.Popen([sys.executable, "-c", program], cwd=folder)
+    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell lets its background jobs ignore it
+    process = subprocess.Popen([sys.executable, "-c", program], cwd=folder, preexec_fn=heed)
     while _rows(out) < 4 and process.poll() is None:
         time.sleep(0.02)
     process.send_signal(how)

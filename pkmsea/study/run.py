@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pkmsea.ending import noticed, stop_if
 from pkmsea.errors import InputError
 from pkmsea.files import file_name
 from pkmsea.solution import Solution
@@ -102,7 +103,7 @@ def run_study(
     out = Path(out)
     drives = check(study, out)
     interrupted = False
-    with open_pool(workers, scheduler) as pool:
+    with open_pool(workers, scheduler) as pool, noticed():
         table = Table(out / NAME, list(study.vary), drives, fingerprint(study))
         try:
             _Run(study, out, table, pool, progress).everything()
@@ -217,6 +218,7 @@ class _Run:
         """Solve jobs and store their rows as they come."""
         todo = [job for job in jobs if job is not None]
         for row in self.pool.unordered(solve_point, todo, lost):
+            stop_if()
             self._add(row)
 
     def _add(self, row: Row) -> None:
