@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from pkmsea.solution.export import export
     from pkmsea.solution.store import load as load_solution
     from pkmsea.solver import Optimality, Optimum
-    from pkmsea.study import Study, StudyResult, calibrate, load_study, run_study
+    from pkmsea.study import Study, StudyResult, load_study, run_study
+    from pkmsea.study.calibrate import calibrate
     from pkmsea.task import Task, load_task
     from pkmsea.transcription import Transcription, transcribe
     from pkmsea.verification import Verification, verify
