@@ -12,10 +12,10 @@ import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, count
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, Self, TypeVar, get_args
 
 import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
 
 from pkmsea.errors import InputError
 
@@ -32,6 +32,27 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+class FromFile(Record):
+    """A record that has a file of its own; its copies keep it."""
+
+    _file: Path | None = PrivateAttr(None)
+
+    @property
+    def file(self) -> Path | None:
+        """Where it was read from."""
+        return self._file
+
+    def read_from(self, file: str | Path | None) -> Self:
+        """This record with its file: for one that came another way."""
+        self._file = Path(file) if file else None
+        return self
+
+    def beside(self, name: str) -> Path:
+        """A path that the file names: relative to the file's folder if it is there, else to the working directory."""
+        path = (self.file.parent if self.file else Path()) / name
+        return path if os.path.exists(path) else Path(name)
+
+
 def _printable(text: str) -> str:
     if not text.isprintable():
         raise ValueError("this name has characters that cannot be printed")
@@ -41,6 +62,7 @@ def _printable(text: str) -> str:
 Printable = Annotated[str, Field(max_length=200), AfterValidator(_printable)]
 Name = Annotated[Printable, Field(min_length=1)]
 R = TypeVar("R", bound=Record)
+F = TypeVar("F", bound=FromFile)
 
 
 class _Loader(yaml.SafeLoader):
@@ -106,9 +128,9 @@ def parse(kind: type[R], data: Any, file: Path | str | None) -> R:
         raise _input_error(kind, error, data, file) from None
 
 
-def read(kind: type[R], path: Path) -> R:
+def read(kind: type[F], path: Path) -> F:
     """Read a YAML file as one record."""
-    return parse(kind, read_yaml(path), path)
+    return parse(kind, read_yaml(path), path).read_from(path)
 
 
 def file_name(title: str, among: Sequence[str] = ()) -> str:

@@ -25,9 +25,7 @@ def landscape(count: int) -> Study:
     """The study's case with friction on a grid of count x count."""
     full = load_study(STUDY)
     vary = {name: varied.model_copy(update={"count": count}) for name, varied in full.vary.items()}
-    changed = full.model_copy(update={"vary": vary, "cases": {"friction": full.cases["friction"]}})
-    changed._file = STUDY
-    return changed
+    return full.model_copy(update={"vary": vary, "cases": {"friction": full.cases["friction"]}})
 
 
 def timed(study: Study, workers: int | None, scheduler: str | None = None) -> tuple[float, pd.DataFrame]:

@@ -154,8 +154,7 @@ def load(path: str | Path) -> Solution:
     dataset = read_dataset(file)
     record = dataset.attrs
     try:
-        task = Task.model_validate_json(record["task"])
-        task._file = Path(record["task_file"]) if record["task_file"] else None
+        task = Task.model_validate_json(record["task"]).read_from(record["task_file"])
         problem = build_problem(task, record["setup"])
         basis = _basis(json.loads(record["basis"]), task.cycle.period)
         parallel = np.stack([numbers(dataset, name) for name in ("parallel_stiffness", "parallel_rest")], axis=1)

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
@@ -224,6 +223,4 @@ def _remote(key: Key, function: Callable[..., T], argument: Any) -> T:
 
 @lru_cache(maxsize=4)
 def _cached(task_json: str, file: str | None, setup: str) -> Transcription:
-    task = Task.model_validate_json(task_json)
-    task._file = Path(file) if file else None
-    return transcribe(build_problem(task, setup))
+    return transcribe(build_problem(Task.model_validate_json(task_json).read_from(file), setup))

@@ -23,9 +23,7 @@ def with_drive_numbers(task: Task, **numbers: float) -> Task:
         setup.model_copy(update={"drives": tuple(drive.model_copy(update=numbers) for drive in setup.drives)})
         for setup in task.setups
     ]
-    changed = task.model_copy(update={"setups": tuple(setups)})
-    changed._file = task.file
-    return changed
+    return task.model_copy(update={"setups": tuple(setups)})
 
 
 def calibrate(task: Task, setup: str, number: Number, energy: float, start: float, tolerance: float = 1e-5) -> float:

@@ -40,11 +40,8 @@ def changed_task(task: Task, numbers: Mapping[str, float], folder: Path) -> Task
                 assign(data, key.split("."), number)
             except Missing as missing:
                 raise NameNotFound("number", key, missing.names, key=key) from None
-    changed = parse(Task, data, task.file)
-    changed._file = task.file
-    if mechanisms:
-        changed = _with_mechanisms(changed, mechanisms, folder)
-    return changed
+    changed = parse(Task, data, task.file).read_from(task.file)
+    return _with_mechanisms(changed, mechanisms, folder) if mechanisms else changed
 
 
 def _change_drives(data: dict[str, Any], key: str, number: float, task: Task) -> None:
@@ -87,6 +84,4 @@ def _with_mechanisms(task: Task, numbers: Mapping[str, float], folder: Path) -> 
     for key in numbers.keys() - reached:
         raise NameNotFound("number", f"{MECHANISM}{key}", left[key].names, key=f"{MECHANISM}{key}")
     setups = tuple(s.model_copy(update={"mechanism": str(folders[s.mechanism].resolve())}) for s in task.setups)
-    changed = task.model_copy(update={"setups": setups})
-    changed._file = task.file
-    return changed
+    return task.model_copy(update={"setups": setups})

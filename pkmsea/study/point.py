@@ -86,20 +86,15 @@ def _named(key: tuple[str, str, int, int], values: Mapping[str, float]) -> dict[
 
 def task_of(job: Job) -> tuple[Task, dict[str, float]]:
     """The job's task, and the drive numbers that were calibrated for it."""
-    task = _with_file(Task.model_validate_json(job.task), job.file)
+    task = Task.model_validate_json(job.task).read_from(job.file)
     numbers: dict[str, float] = {}
     for c in job.calibrate:
-        alone = _with_file(task.model_copy(update={"setups": (task.setup(c.setup),)}), job.file)
+        alone = task.model_copy(update={"setups": (task.setup(c.setup),)})
         text = alone.model_dump_json() + c.model_dump_json()
         search = partial(calibrate, alone, c.setup, c.number, c.energy, c.start, c.tolerance)
         numbers[c.number] = kept(Path(job.cache), text, search)
         task = with_drive_numbers(task, **{c.number: numbers[c.number]})
     return task, numbers
-
-
-def _with_file(task: Task, file: str | None) -> Task:
-    task._file = Path(file) if file else None
-    return task
 
 
 def _solved(job: Job, begin: float) -> dict[str, Any]:
@@ -154,7 +149,7 @@ def _optima(solution: Solution) -> list[dict[str, Any]]:
 
 def solution_of(row: Mapping[str, Any]) -> Solution:
     """The solution that a row of the table stands for, without its starts."""
-    task = _with_file(Task.model_validate_json(row["task"]), None)
+    task = Task.model_validate_json(row["task"])
     meshes = tuple(Mesh(**mesh) for mesh in json.loads(row["meshes"]))
     motion = motion_of(json.loads(row["motion"]))
     return Solution(build_problem(task, row["setup"]), motion, row["claimed"], (), meshes, row["seconds"])

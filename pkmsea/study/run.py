@@ -130,8 +130,9 @@ class _Run:
         self.study, self.out, self.table, self.pool, self.progress = study, out, table, pool, progress
         self.rows: dict[Key, Row] = {}
         self.parents: dict[tuple[str, str, int], list[int]] = {}  # points that started a point in the first round
+        self.failed, self.least = 0, np.inf
         for row in records(table.rows()):
-            self.rows[row["case"], row["setup"], row["point"], row["round"]] = row
+            self._learn(row)
         rounds = 1 if isinstance(study.sample, Search) else study.rounds
         self.total = len(study.cases) * len(study.names) * (study.size * rounds + study.optimum)
 
@@ -223,8 +224,14 @@ class _Run:
 
     def _add(self, row: Row) -> None:
         self.table.add(row)
-        self.rows[row["case"], row["setup"], row["point"], row["round"]] = row
+        self._learn(row)
         self._tell()
+
+    def _learn(self, row: Row) -> None:
+        self.rows[row["case"], row["setup"], row["point"], row["round"]] = row
+        self.failed += row["outcome"] == FAILED
+        if row["status"] == VERIFIED:
+            self.least = min(self.least, row["energy"])
 
     def _best(self, case: str, setup: str, point: int, before: int = 1) -> Row | None:
         """The best row with a motion of a point, of the rounds before one."""
@@ -241,8 +248,5 @@ class _Run:
         return sorted(minima, key=lambda i: energy[i])[:SEEDS]
 
     def _tell(self) -> None:
-        if self.progress is None:
-            return
-        energies = [row["energy"] for row in self.rows.values() if row["status"] == VERIFIED]
-        failed = sum(row["outcome"] == FAILED for row in self.rows.values())
-        self.progress(Progress(len(self.rows), failed, self.total, min(energies, default=np.inf)))
+        if self.progress is not None:
+            self.progress(Progress(len(self.rows), self.failed, self.total, self.least))

@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from pkmsea.actuation.drive import Positive
 from pkmsea.errors import InputError, NameNotFound
-from pkmsea.files import Record, read
+from pkmsea.files import FromFile, Record, read
 from pkmsea.study.expressions import names_in
 from pkmsea.task import Task, load_task
 
@@ -119,7 +119,7 @@ class Case(Record):
     calibrate: tuple[Calibration, ...] = ()
 
 
-class Study(Record):
+class Study(FromFile):
     """Many solves of one task; each point is a multi-start, and neighbours start each other."""
 
     name: str = Field(min_length=1, max_length=200)
@@ -134,7 +134,6 @@ class Study(Record):
     rounds: int = Field(1, ge=1, le=5, description="in every further round all points start from their neighbours")
     optimum: bool = Field(False, description="also solve the task with the varied keys as it says itself")
     results: Literal["all", "best", "none"] = Field("all", description="points that leave a result file")
-    _file: Path | None = PrivateAttr(None)
     _task: Task | None = PrivateAttr(None)
 
     @model_validator(mode="after")
@@ -154,10 +153,6 @@ class Study(Record):
         return self
 
     @property
-    def file(self) -> Path | None:
-        return self._file
-
-    @property
     def size(self) -> int:
         """Points per case."""
         if isinstance(self.sample, Grid):
@@ -168,9 +163,7 @@ class Study(Record):
     def base(self) -> Task:
         """The task that is varied."""
         if self._task is None:
-            beside = (self.file.parent if self.file else Path()) / self.task
-            object.__setattr__(self, "_task", load_task(beside if beside.exists() else Path(self.task)))
-        assert self._task is not None
+            self._task = load_task(self.beside(self.task))
         return self._task
 
     @property
@@ -193,9 +186,7 @@ def load_study(path: str | Path) -> Study:
     ------
     InputError : names file, key, value and remedy.
     """
-    file = Path(path)
-    study = read(Study, file)
-    study._file = file
+    study = read(Study, Path(path))
     check_names(study)
     return study
 
@@ -217,8 +208,7 @@ def check_names(study: Study) -> None:
             try:
                 unknown = sorted(names_in(expression) - study.vary.keys())
             except InputError as error:
-                raise InputError(
-                    error.cause, error.remedy, file=study.file, key=f"{place}.{key}", value=error.value
-                ) from None
+                error.file, error.key = study.file, f"{place}.{key}"
+                raise
             if unknown:
                 raise NameNotFound("parameter", unknown[0], list(study.vary), file=study.file, key=f"{place}.{key}")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pkmsea.actuation.drive import Drive
 from pkmsea.errors import InputError, NameNotFound
-from pkmsea.files import Name, Record, read
+from pkmsea.files import FromFile, Name, Record, read
 from pkmsea.task.cycle import Cycle, Limits
 from pkmsea.task.payload import Payload, PayloadMass
 
@@ -85,7 +84,7 @@ class TaskLimits(Record):
     joints: Limits = Limits()
 
 
-class Task(Record):
+class Task(FromFile):
     """A pick-and-place cycle, its limits, and one or more setups to compare; the first one is the reference."""
 
     name: Name
@@ -94,7 +93,6 @@ class Task(Record):
     payload: Payload | None = Field(None, description="what the end effector carries")
     setups: tuple[Setup, ...] = Field(min_length=1)
     options: Options = Options()
-    _file: Path | None = PrivateAttr(None)
 
     @model_validator(mode="after")
     def _names_differ(self) -> Task:
@@ -113,11 +111,6 @@ class Task(Record):
     def payload_mass(self) -> PayloadMass | None:
         """The payload as a function of time."""
         return None if self.payload is None else self.payload.mass_over(self.cycle)
-
-    @property
-    def file(self) -> Path | None:
-        """Where the task was read from."""
-        return self._file
 
     def setup(self, name: str | None = None) -> Setup:
         """The named setup, or the only one."""
@@ -143,14 +136,11 @@ class Task(Record):
             for setup in self.setups
         )
         options = self.options.model_copy(update={"starts": starts})
-        changed = self.model_copy(update={"options": options, "setups": setups})
-        changed._file = self._file
-        return changed
+        return self.model_copy(update={"options": options, "setups": setups})
 
     def mechanism_source(self, setup: Setup) -> Path:
         """The setup's mechanism folder, looked up beside the task file first."""
-        beside = (self.file.parent if self.file else Path()) / setup.mechanism
-        return beside if os.path.exists(beside) else Path(setup.mechanism)
+        return self.beside(setup.mechanism)
 
 
 def load_task(path: str | Path) -> Task:
@@ -160,7 +150,4 @@ def load_task(path: str | Path) -> Task:
     ------
     InputError : names file, key, value and remedy.
     """
-    file = Path(path)
-    task = read(Task, file)
-    task._file = file
-    return task
+    return read(Task, Path(path))
