@@ -20,6 +20,7 @@ from pkmsea.transcription.damping import derivative, frequencies
 POINTS = 4000  # at least, per period; many more than any transcription's grid
 PER_MODE = 40  # and at least so many per highest harmonic of the basis
 PER_WINDOW = 400  # points per rest window, edges included
+BETWEEN_SINGULAR = 10  # grid points from one look at the distance to singularities to the next
 BALANCE = 1e-6  # largest relative residual of the power balance
 CLOSURE = 1e-8  # largest closure residual [m]
 WINDOW_EXCESS = 1e-9  # rounding, in a window's own units [m]
@@ -120,7 +121,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     balance = abs(float(((s.tau * s.v_M).sum() - lost) * mean)) / scale
     gap = abs(claimed - energy) / scale
     mechanism = problem.actuation.mechanism
-    inverse, direct = pose.singularity(mechanism, s.q)
+    inverse, direct = pose.singularity(mechanism, s.q[::BETWEEN_SINGULAR])
     closed = mechanism.functions["closure_residual"].map(s.t.size)(s.q.T)
     closure = float(np.abs(np.array(closed)).max(initial=0.0))
     window, outside = _window_excess(problem, motion), _out_of_bounds(problem, motion)

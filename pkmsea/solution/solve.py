@@ -9,7 +9,7 @@ from typing import Any
 
 from pkmsea.errors import Infeasible, NotConverged
 from pkmsea.problem import Problem, build_problem
-from pkmsea.solution.refine import refine, unrefined
+from pkmsea.solution.refine import Refined, refine, unrefined
 from pkmsea.solution.solution import Solution
 from pkmsea.solver import Outcome, Start, multistart
 from pkmsea.solver.multistart import Progress, collect, distinct, restart, spread
@@ -18,6 +18,7 @@ from pkmsea.transcription import Transcription, transcribe
 
 REFINED = 4  # best distinct optima that are refined, so that a verified one can be chosen
 NEAR = 0.05  # of the best, relative: those farther away are not refined
+GAIN = 2.0  # times what refining has gained the best: what it may gain another
 
 
 def solve(
@@ -71,15 +72,36 @@ def chosen(
         raise KeyboardInterrupt
     if not candidates:
         raise _nothing_found(problem, starts)
-    step = unrefined if interrupted else refine
-    found, again = collect(spread(transcription, workers, [(step, start) for start in candidates]))
-    if again:
-        found, interrupted = [unrefined(transcription, start) for start in candidates], True
+    found: list[Refined | None] = []
+    if not interrupted:
+        found, interrupted = _refined(transcription, workers, candidates)
+    if interrupted:
+        found = [unrefined(transcription, start) for start in candidates]
     best = min((x for x in found if x is not None), key=lambda x: x.rank, default=None)
     if best is None:
         raise _unusable(problem)
     seconds = time.perf_counter() - begin
     return Solution(problem, best.motion, best.audit.claimed, tuple(starts), best.meshes, seconds, interrupted)
+
+
+def _refined(
+    transcription: Transcription, workers: int | None, optima: list[Start]
+) -> tuple[list[Refined | None], bool]:
+    """The best optimum on finer meshes, then those that these may bring before it; True after an interrupt."""
+
+    def all_of(starts: list[Start]) -> tuple[list[Refined | None], bool]:
+        return collect(spread(transcription, workers, [(refine, start) for start in starts]))
+
+    first, *others = optima
+    found, interrupted = all_of([first])
+    best = found[0] if found else None
+    if best is not None and best.verified:
+        energy = best.audit.energy
+        others = [start for start in others if start.energy - GAIN * (first.energy - energy) < energy]
+    if interrupted or not others:
+        return found, interrupted
+    more, interrupted = all_of(others)
+    return found + more, interrupted
 
 
 def solve_all(task: Task | str | Path, *, workers: int | None = None) -> list[Solution]:

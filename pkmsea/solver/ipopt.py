@@ -20,6 +20,8 @@ WARM = {"warm_start_init_point": "yes"} | {
     f"warm_start_{what}": PUSH
     for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 }
+STAGNANT = 5  # iterations in a row that change the energy by less than options.stagnation end a solve
+ANY_ERROR = 1e20  # of optimality: only the energy decides
 FEASIBLE = 1e-6  # largest constraint violation of a usable point, in the constraints' units
 
 
@@ -90,8 +92,9 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
         if left <= 0:
             outcome = Outcome.TIME
             break
-        solver = _solver(nlp, options, left, warm=warm or bool(multipliers))
         p = nlp.parameter(step, x)
+        change = options.stagnation * min(abs(float(nlp.oracle(x / scale, p)[0])), 1.0) if options.stagnation else 0.0
+        solver = _solver(nlp, options, left, warm=warm or bool(multipliers), change=change)
         bounds = {"lbx": lower / scale, "ubx": upper / scale, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
         with _quiet():
             found = solver(x0=x / scale, p=p, **bounds, **multipliers)
@@ -115,7 +118,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
     return Point(x, outcome, violation, tuple(iterations), seconds, evaluation)
 
 
-def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool) -> ca.Function:
+def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool, change: float) -> ca.Function:
     ipopt = {
         "max_iter": options.iterations,
         "max_wall_time": seconds,
@@ -130,6 +133,14 @@ def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool) -> ca.Functi
     }
     if warm:
         ipopt |= WARM
+    if change:  # IPOPT divides changes by max(1, |f|)
+        ipopt |= {
+            "acceptable_tol": ANY_ERROR,
+            "acceptable_iter": STAGNANT,
+            "acceptable_obj_change_tol": change,
+            "acceptable_constr_viol_tol": FEASIBLE,
+            "acceptable_compl_inf_tol": ANY_ERROR,
+        }
     settings = {
         "ipopt": ipopt,
         "print_time": False,

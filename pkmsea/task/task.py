@@ -51,6 +51,9 @@ class Options(Record):
     time_limit: float = Field(60.0, gt=0, description="per start, all its steps together [s]")
     iterations: int = Field(300, ge=1, le=100000, description="IPOPT iterations per step; screening stops at 120")
     tolerance: float = Field(1e-6, gt=0, le=1e-2, description="IPOPT's tolerance")
+    stagnation: float = Field(
+        0.0, ge=0, le=1e-2, description="a solve ends once five iterations each change the energy by less, relatively"
+    )
     meshes: int = Field(5, ge=1, le=8, description="at most, each twice as fine as the one before")
     energy_tolerance: float = Field(
         5e-3, gt=0, le=0.1, description="of claimed against true energy, and of the last two meshes; refined until met"

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.errors import Unreachable
-from pkmsea.mechanism import Mechanism, pose
+from pkmsea.mechanism import Mechanism
 from pkmsea.transcription.compiled import Kernel
 
 
@@ -21,6 +21,7 @@ class Batch:
     """
 
     def __init__(self, function: ca.Function, k: int, kernel: Kernel | None = None) -> None:
+        self._function, self._kernel = function, kernel
         self._inputs = [np.zeros((k, function.size1_in(i))) for i in range(function.n_in())]
         self._outputs, self._results = [], []
         for i in range(function.n_out()):
@@ -39,6 +40,10 @@ class Batch:
             own[...] = given
         self._run()
         return self._results
+
+    def single(self) -> Batch:
+        """The same function at one instant."""
+        return Batch(self._function, 1, self._kernel)
 
     def _interpreted(self, function: ca.Function, k: int) -> Callable[[], None]:
         self._buffer, run = function.map(k).buffer()
@@ -90,13 +95,13 @@ def poses_along(mechanism: Mechanism, pose_step: Batch, targets: np.ndarray) -> 
 
 
 def _follow(mechanism: Mechanism, pose_step: Batch, targets: np.ndarray) -> np.ndarray:
-    single, count = pose.task_system(mechanism), targets.shape[0]
+    single, count = pose_step.single(), targets.shape[0]
     for stride in (*(max(count // points, 1) for points in FOLLOWED), 1):
         q = mechanism.configuration(targets[0])
         strided = []
         for target in targets[::stride]:
-            following = pose.newton(single, q, target)
-            q = mechanism.configuration(target) if following is None else following
+            following = close_poses(single, q[None], target[None])
+            q = mechanism.configuration(target) if following is None else following[0]
             strided.append(q)
         poses = close_poses(pose_step, _between(np.array(strided), stride, count), targets)
         if poses is not None:
