@@ -19,6 +19,7 @@ import yaml
 
 from pkmsea.errors import InputError, PkmseaError
 from pkmsea.study import load_study, pool, run_study
+from pkmsea.study.order import Order, Wait
 from pkmsea.study.point import Job, solve_point
 from pkmsea.study.points import levels, points_of
 
@@ -173,9 +174,24 @@ class Deadly:
 
 
 def test_a_killed_worker_costs_no_point(tmp_path: Path) -> None:
-    jobs = [Job(("all", "elastic", point, 0), {}, "", None) for point in range(6)]
-    rows = list(pool.Pool(2).unordered(Deadly(tmp_path / "mark"), jobs, lambda job: {}))
+    more = iter([[Job(("all", "elastic", point, 0), {}, "", None) for point in some] for some in (range(4), (4, 5))])
+    rows = list(pool.Pool(2).unordered(Deadly(tmp_path / "mark"), lambda: next(more, []), lambda job: {}))
     assert sorted(row["point"] for row in rows) == list(range(6))
+
+
+def test_a_key_is_ready_once_all_that_it_waits_for_is_settled() -> None:
+    """b waits for a; c for b, and has nothing to do; d for c."""
+    needs = {"a": "", "b": "a", "c": "b", "d": "c"}
+
+    def examine(key: str) -> str | Wait[str] | None:
+        if needs[key] and needs[key] not in order.settled:
+            return Wait(needs[key])
+        return None if key == "c" else key.upper()
+
+    order: Order[str, str] = Order(examine)
+    assert order.add("dcba") == ["A"]
+    assert order.settle("a") == ["B"]
+    assert order.settle("b") == ["D"] and order.settled == {"a", "b", "c"}
 
 
 def test_an_unexpected_error_is_a_row() -> None:

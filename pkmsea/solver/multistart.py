@@ -13,7 +13,7 @@ import numpy as np
 from pkmsea.errors import SolveError
 from pkmsea.problem import build_problem
 from pkmsea.solver.ipopt import Outcome, solve_nlp
-from pkmsea.solver.processes import available_cores, unordered
+from pkmsea.solver.processes import available_cores, once, unordered
 from pkmsea.task import Task
 from pkmsea.transcription import Motion, Transcription, transcribe
 
@@ -207,7 +207,7 @@ def spread(transcription: Transcription, workers: int | None, calls: list[tuple[
     task, setup = transcription.problem.task, transcription.problem.setup.name
     key = (task.model_dump_json(), str(task.file) if task.file else None, setup)
     arguments = {number: (key, *call) for number, call in enumerate(calls)}
-    return (result for _, result in unordered(_remote, arguments, jobs, partial(_died, task, setup)))
+    return (result for _, result in unordered(_remote, once(arguments), jobs, partial(_died, task, setup)))
 
 
 def _died(task: Task, setup: str, number: int) -> NoReturn:

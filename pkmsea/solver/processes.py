@@ -1,4 +1,4 @@
-"""Calls on several processes of this machine (joblib), which may die or be left behind."""
+"""Calls on several processes of this machine (joblib's loky), which may die or be left behind."""
 
 from __future__ import annotations
 
@@ -6,41 +6,77 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import cache
 from typing import Any, TypeVar
 
-from joblib import Parallel, delayed
+from joblib.externals.loky import get_reusable_executor
 
+AHEAD = 2  # calls per process that are handed over at a time
 POOLS = 2  # that may break before every call gets processes of its own
+IDLE = 300  # [s] until a process without a call ends
 WATCH = 0.5  # [s] between looks at whether the parent is alive
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")  # one each
 
 K = TypeVar("K")
 T = TypeVar("T")
+Arguments = tuple[Any, ...]
 
 
 def unordered(
-    function: Callable[..., T], arguments: Mapping[K, tuple[Any, ...]], jobs: int, lost: Callable[[K], T]
+    function: Callable[..., T],
+    more: Callable[[], Mapping[K, Arguments]],
+    jobs: int,
+    lost: Callable[[K], T],
 ) -> Iterator[tuple[K, T]]:
-    """Key and result of each call, as they come.
+    """Key and result of each call, as they come; `more` gives calls, at first and after every result.
 
     Where a process dies, the calls that are not done run again in fresh ones, at last each alone: `lost` makes the
     result of the one that kills its process.
     """
-    left, broken = dict(arguments), 0
-    while left:
-        alone = broken >= POOLS
-        chosen = dict([next(iter(left.items()))]) if alone else dict(left)
-        pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-        try:
-            for key, result in pool(delayed(_remote)(os.getpid(), function, k, chosen[k]) for k in chosen):
-                del left[key]
+    waiting: dict[K, Arguments] = {}
+    running: dict[Future[T], tuple[K, Arguments]] = {}
+    broken, executor = 0, None
+    try:
+        while True:
+            waiting |= more()
+            alone = broken >= POOLS
+            while waiting and len(running) < (1 if alone else AHEAD * jobs):
+                key = next(iter(waiting))
+                executor = get_reusable_executor(max_workers=jobs, timeout=IDLE, env=dict.fromkeys(THREADS, "1"))
+                try:
+                    future = executor.submit(_remote, os.getpid(), function, waiting[key])
+                except BrokenProcessPool:  # it broke just now; the next one is a fresh one
+                    continue
+                running[future] = key, waiting.pop(key)
+            if not running:
+                return
+            dead: dict[K, Arguments] = {}
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                key, arguments = running.pop(future)
+                try:
+                    result = future.result()
+                except BrokenProcessPool:
+                    dead[key] = arguments
+                    continue
                 yield key, result
-        except BrokenProcessPool:
-            broken += 1
-            for key in chosen if alone else ():
-                del left[key]
-                yield key, lost(key)
+            if dead:
+                broken += 1
+            if alone:
+                yield from ((key, lost(key)) for key in dead)
+            elif dead:
+                waiting = dead | dict(running.values()) | waiting
+                running.clear()
+    finally:
+        if running and executor is not None:
+            executor.shutdown(wait=True, kill_workers=True)
+
+
+def once(calls: Mapping[K, Arguments]) -> Callable[[], Mapping[K, Arguments]]:
+    """`more` of `unordered` for calls that are all known."""
+    given = iter([calls])
+    return lambda: next(given, {})
 
 
 def available_cores() -> int:
@@ -48,9 +84,9 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _remote(parent: int, function: Callable[..., T], key: K, arguments: tuple[Any, ...]) -> tuple[K, T]:
+def _remote(parent: int, function: Callable[..., T], arguments: Arguments) -> T:
     _end_with(parent)
-    return key, function(*arguments)
+    return function(*arguments)
 
 
 @cache

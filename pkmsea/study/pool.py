@@ -1,12 +1,12 @@
-"""Jobs on the cores of this machine (joblib), or on a Dask cluster that its user has started."""
+"""Jobs on the cores of this machine (joblib's loky), or on a Dask cluster that its user has started."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from typing import Any
-
-from joblib import Parallel, delayed, parallel_config
 
 from pkmsea.errors import InputError, SolveError
 from pkmsea.solver.processes import available_cores, unordered
@@ -24,31 +24,54 @@ class Pool:
         self.workers, self.client = workers or available_cores(), client
 
     def unordered(
-        self, function: Callable[[Any], Row], jobs: Sequence[Any], lost: Callable[[Any], Row]
+        self, function: Callable[[Any], Row], more: Callable[[], Sequence[Any]], lost: Callable[[Any], Row]
     ) -> Iterator[Row]:
-        """The rows of all jobs, as they come; `lost` makes the row of a job that kills its process."""
-        if self.client is not None:
-            yield from self._on_cluster(function, jobs)
-        elif self.workers == 1 or len(jobs) <= 1:
-            yield from map(function, jobs)
-        else:
-            arguments = {number: (job,) for number, job in enumerate(jobs)}
-            count = min(self.workers, len(jobs))
-            for _, row in unordered(function, arguments, count, lambda number: lost(jobs[number])):
-                yield row
+        """The rows of jobs, as they come; `more` gives jobs, at first and after every row.
 
-    def _on_cluster(self, function: Callable[[Any], Row], jobs: Sequence[Any]) -> Iterator[Row]:
+        `lost` makes the row of a job that kills its process.
+        """
+        if self.client is not None:
+            return self._on_cluster(function, more)
+        if self.workers == 1:
+            return _here(function, more)
+        jobs: dict[int, Any] = {}
+
+        def numbered() -> dict[int, tuple[Any]]:
+            new = dict(enumerate(more(), len(jobs)))
+            jobs.update(new)
+            return {number: (job,) for number, job in new.items()}
+
+        return (row for _, row in unordered(function, numbered, self.workers, lambda number: lost(jobs[number])))
+
+    def _on_cluster(self, function: Callable[[Any], Row], more: Callable[[], Sequence[Any]]) -> Iterator[Row]:
         from distributed import KilledWorker
 
-        with parallel_config(backend="dask", client=self.client, wait_for_workers_timeout=WAIT):
-            try:
-                yield from Parallel(return_as="generator_unordered", batch_size=1)(delayed(function)(j) for j in jobs)
-            except (KilledWorker, TimeoutError) as error:
-                raise SolveError(
-                    f"The cluster has lost its workers ({type(error).__name__}).",
-                    "Look at their logs, start workers anew, and run the same command again: it goes on.",
-                    key="--scheduler",
-                ) from error
+        executor = self.client.get_executor()
+        running: set[Future[Row]] = set()
+        try:
+            self.client.wait_for_workers(1, timeout=WAIT)
+            while True:
+                running |= {executor.submit(function, job) for job in more()}
+                if not running:
+                    return
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        except (KilledWorker, TimeoutError) as error:
+            raise SolveError(
+                f"The cluster has lost its workers ({type(error).__name__}).",
+                "Look at their logs, start workers anew, and run the same command again: it goes on.",
+                key="--scheduler",
+            ) from error
+        finally:
+            executor.shutdown(wait=False)
+
+
+def _here(function: Callable[[Any], Row], more: Callable[[], Sequence[Any]]) -> Iterator[Row]:
+    waiting = deque(more())
+    while waiting:
+        yield function(waiting.popleft())
+        waiting.extend(more())
 
 
 @contextmanager

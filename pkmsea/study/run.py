@@ -1,8 +1,8 @@
-"""Running a study: levels of points, neighbours starting each other, every finished point stored at once."""
+"""Running a study: from coarse to fine, neighbours starting each other, every finished point stored at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,12 @@ from pkmsea.errors import InputError
 from pkmsea.files import file_name
 from pkmsea.solution import Solution
 from pkmsea.study.fingerprint import fingerprint
+from pkmsea.study.order import Order, Wait
 from pkmsea.study.point import Job, failure, lost, save_best, solution_of, solve_point
 from pkmsea.study.points import Points, levels, points_of
 from pkmsea.study.pool import Pool, open_pool
 from pkmsea.study.search import Searcher
-from pkmsea.study.study import Search, Study, load_study
+from pkmsea.study.study import KEY, Search, Study, load_study
 from pkmsea.study.table import DONE, FAILED, HIDDEN, NAME, VERIFIED, Table, best, first_claim, rank, records
 from pkmsea.study.tasks import check, task_at
 
@@ -117,7 +118,7 @@ def run_study(
 
 
 class _Run:
-    """A study on its way. What is known of the points so far decides which starts the next ones get."""
+    """A study on its way. What is settled of the points decides which starts the next ones get."""
 
     def __init__(
         self,
@@ -129,7 +130,9 @@ class _Run:
     ) -> None:
         self.study, self.out, self.table, self.pool, self.progress = study, out, table, pool, progress
         self.rows: dict[Key, Row] = {}
-        self.parents: dict[tuple[str, str, int], list[int]] = {}  # points that started a point in the first round
+        self.order: Order[Key, Job] = Order(self._examine)
+        self.points = Points((), np.empty((0, 0)), np.empty((0, 0)))
+        self.before: dict[int, Sequence[int]] = {}  # the points of coarser levels
         self.failed, self.least = 0, np.inf
         for row in records(table.rows()):
             self._learn(row)
@@ -137,21 +140,19 @@ class _Run:
         self.total = len(study.cases) * len(study.names) * (study.size * rounds + study.optimum)
 
     def everything(self) -> None:
-        """All points, round by round, then the optimum."""
+        """All points, from coarse to fine and round by round, then the optimum."""
         self._tell()
         if isinstance(self.study.sample, Search):
             self._search(Searcher(self.study, self.study.sample))
             return
-        points = points_of(self.study)
+        self.points = points_of(self.study)
         done: list[int] = []
-        for level in levels(points):
-            self._level(points, level, done)
+        for level in levels(self.points):
+            self.before |= dict.fromkeys(level, tuple(done))
             done += level
-        for turn in range(1, self.study.rounds):
-            self._again(points, turn)
-        if self.study.optimum:
-            seeds = {pair: self._minima(points, *pair) for pair in self._pairs()}
-            self._finish(self._job((*pair, OPTIMUM, 0), None, near, None) for pair, near in seeds.items())
+        pairs = self._pairs()
+        keys = [(*pair, point, turn) for turn in range(self.study.rounds) for point in done for pair in pairs]
+        self._solve(keys + [(*pair, OPTIMUM, 0) for pair in pairs if self.study.optimum])
 
     def _pairs(self) -> list[tuple[str, str]]:
         return [(case, setup) for case in self.study.cases for setup in self.study.names]
@@ -160,43 +161,80 @@ class _Run:
         """Trials in small groups; each group is asked for when the results of the one before are known."""
         while (points := searcher.ask()) is not None:
             begin = len(points.values) - searcher.asked
-            group = list(range(begin, len(points.values)))
-            self._level(points, group, range(begin))
+            group = range(begin, len(points.values))
+            self.points = points
+            self.before |= dict.fromkeys(group, range(begin))
+            self._solve([(*pair, point, 0) for point in group for pair in self._pairs()])
             case = next(iter(self.study.cases))
             rows = [self._best(case, self.study.names[0], point) for point in group]
             searcher.tell([row["energy"] if row and row["status"] == VERIFIED else None for row in rows])
 
-    def _level(self, points: Points, level: Sequence[int], solved: Sequence[int]) -> None:
-        """The first round of some points, each started by its nearest solved ones and its own random starts."""
-        jobs = []
-        for case, setup in self._pairs():
-            usable = [i for i in solved if self._best(case, setup, i)]
-            for point in level:
-                near = points.nearest(point, usable, self.study.neighbours)
-                self.parents[case, setup, point] = near
-                own = range(point * self.study.starts + 1, (point + 1) * self.study.starts + 1)
-                jobs.append(self._job((case, setup, point, 0), points.at(point), near, tuple(own) if near else None))
-        self._finish(jobs)
+    def _solve(self, keys: Sequence[Key]) -> None:
+        """Solve what these keys stand for, each as soon as it can be, and store the rows as they come."""
+        ready = self.order.add(keys)
 
-    def _again(self, points: Points, turn: int) -> None:
-        """A further round: all points start from their nearest; in the second from those that have not yet done so."""
-        jobs = []
-        for case, setup in self._pairs():
-            usable = [i for i in range(len(points.values)) if self._best(case, setup, i, turn)]
-            for point in usable:
-                known = self.parents[case, setup, point] if turn == 1 else []
-                near = [i for i in points.nearest(point, usable, 2 * len(points.names)) if i not in known]
-                if near:
-                    jobs.append(self._job((case, setup, point, turn), points.at(point), near, ()))
-        self._finish(jobs)
+        def more() -> list[Job]:
+            jobs = ready.copy()
+            ready.clear()
+            return jobs
+
+        for row in self.pool.unordered(solve_point, more, lost):
+            stop_if()
+            self._add(row)
+            ready += self.order.settle(tuple(row[name] for name in KEY))
+
+    def _examine(self, key: Key) -> Job | Wait[Key] | None:
+        """The job of a key, the key that it waits for, or None where nothing is to be done any more."""
+        case, setup, point, turn = key
+        if key in self.rows:
+            return None
+        if point == OPTIMUM:
+            last = self.study.rounds - 1
+            awaited = ((case, setup, i, last) for i in range(len(self.points.values)))
+            unsettled = next((other for other in awaited if other not in self.order.settled), None)
+            return Wait(unsettled) if unsettled else self._job(key, None, self._minima(case, setup), None)
+        values = self.points.at(point)
+        if turn == 0:
+            near = self._nearest(key, self.before[point], self.study.neighbours)
+            if isinstance(near, Wait):
+                return near
+            own = range(point * self.study.starts + 1, (point + 1) * self.study.starts + 1)
+            return self._job(key, values, near, tuple(own) if near else None)
+        if (case, setup, point, turn - 1) not in self.order.settled:
+            return Wait((case, setup, point, turn - 1))
+        near = self._nearest(key, range(len(self.points.values)), 2 * len(self.points.names))
+        if isinstance(near, Wait):
+            return near
+        known = self._parents(key) if turn == 1 else []
+        near = [i for i in near if i not in known]
+        return self._job(key, values, near, ()) if near and self._best(case, setup, point, turn) else None
+
+    def _nearest(self, key: Key, among: Sequence[int], count: int) -> list[int] | Wait[Key]:
+        """The points that start a key: the nearest with a motion in the rounds before its own; or what to wait for."""
+        case, setup, point, turn = key
+        before = max(turn, 1)
+        found: list[int] = []
+        for i in self.points.nearest(point, among, len(among)):
+            if len(found) == count:
+                break
+            if (other := (case, setup, i, before - 1)) not in self.order.settled:
+                return Wait(other)
+            if self._best(case, setup, i, before):
+                found.append(i)
+        return found
+
+    def _parents(self, key: Key) -> list[int]:
+        """The points that started a key's point in the first round, which is settled."""
+        case, setup, point, _ = key
+        near = self._nearest((case, setup, point, 0), self.before[point], self.study.neighbours)
+        assert not isinstance(near, Wait)
+        return near
 
     def _job(
         self, key: Key, values: dict[str, float] | None, near: Sequence[int], indices: tuple[int, ...] | None
     ) -> Job | None:
-        """A job, if it is still to be done; `values` are None for the task as it says itself."""
+        """A job, unless its task is impossible; `values` are None for the task as it says itself."""
         case, setup, point, turn = key
-        if key in self.rows:
-            return None
         own = self._best(case, setup, point, turn) if turn else None
         try:
             task = task_at(self.study, case, values, self.out)
@@ -215,13 +253,6 @@ class _Run:
             first_claim(own) if own else None, self.study.cases[case].calibrate, str(self.out / CALIBRATED), file,
         )  # fmt: skip
 
-    def _finish(self, jobs: Iterable[Job | None]) -> None:
-        """Solve jobs and store their rows as they come."""
-        todo = [job for job in jobs if job is not None]
-        for row in self.pool.unordered(solve_point, todo, lost):
-            stop_if()
-            self._add(row)
-
     def _add(self, row: Row) -> None:
         self.table.add(row)
         self._learn(row)
@@ -238,9 +269,9 @@ class _Run:
         rows = [self.rows.get((case, setup, point, turn)) for turn in range(before)]
         return min((row for row in rows if row and row["outcome"] == DONE), key=rank, default=None)
 
-    def _minima(self, points: Points, case: str, setup: str) -> list[int]:
+    def _minima(self, case: str, setup: str) -> list[int]:
         """Points that are no worse than their neighbours, best first."""
-        rounds = self.study.rounds
+        points, rounds = self.points, self.study.rounds
         every = range(len(points.values))
         energy = {i: rank(row) for i in every if (row := self._best(case, setup, i, rounds))}
         around = {i: points.nearest(i, list(energy), 2 * len(points.names)) for i in energy}
