@@ -71,7 +71,7 @@ def values_at(study: Study, unit: np.ndarray) -> np.ndarray:
 def levels(points: Points) -> list[list[int]]:
     """The points from coarse to fine: each next one is the farthest from all before, beginning in the middle.
 
-    A level begins when all before it are solved, so its size, and with it every result, depends on the study alone.
+    Points of the levels before its own start a point, so who starts whom depends on the study and its results alone.
     """
     count = points.unit.shape[0]
     order = [int(np.linalg.norm(points.unit - 0.5, axis=1).round(ALIKE).argmin())]
