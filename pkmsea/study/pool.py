@@ -59,7 +59,7 @@ class Pool:
                     yield future.result()
         except (KilledWorker, TimeoutError) as error:
             raise SolveError(
-                f"The cluster has lost its workers ({type(error).__name__}).",
+                f"The cluster has no workers, or has lost them ({type(error).__name__}).",
                 "Look at their logs, start workers anew, and run the same command again: it goes on.",
                 key="--scheduler",
             ) from error
