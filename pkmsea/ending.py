@@ -44,9 +44,16 @@ def print_error(error: BaseException | str) -> None:
 
 def _listen() -> None:
     """Raise KeyboardInterrupt on SIGTERM and on SIGINT, unless that is ignored: a job in the background."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _stop)
+    _heed_ctrl_c()
     signal.signal(signal.SIGTERM, _stop)
+
+
+def _heed_ctrl_c() -> bool:
+    """Whether Ctrl-C was Python's own, and is kept in `signals` from now on."""
+    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ours:
+        signal.signal(signal.SIGINT, _stop)
+    return ours
 
 
 def hold() -> None:
@@ -97,10 +104,7 @@ def stop_if(interrupted: bool = False) -> None:
 def noticed() -> Iterator[None]:
     """Where Ctrl-C is kept in `signals` until the end, as in a command: on its way a library may make another exception
     of it, which looks like a failure of its own."""
-    main = threading.current_thread() is threading.main_thread()
-    ours = main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if ours:
-        signal.signal(signal.SIGINT, _stop)
+    ours = threading.current_thread() is threading.main_thread() and _heed_ctrl_c()
     try:
         yield
     finally:
