@@ -132,10 +132,11 @@ def _nothing_found(problem: Problem, starts: Sequence[Start]) -> Infeasible | No
     where: dict[str, Any] = {"file": problem.task.file, "key": f"setup '{problem.setup.name}'"}
     if any(start.outcome is Outcome.INFEASIBLE or start.limited for start in starts):
         limits = ", ".join(sorted({f"{b.quantity} of {b.name}" for b in problem.bounds})) or "the rest windows"
+        patience = ", or options.iterations" if counts.get(Outcome.ITERATIONS.value) else ""
         return Infeasible(
             f"No motion was found that keeps the rest windows and the limits within the period of "
             f"{problem.cycle.period:g} s ({len(starts)} starts: {how}).",
-            f"Lengthen the period, widen the windows, or raise the limits ({limits}).", **where,
+            f"Lengthen the period, widen the windows, or raise the limits ({limits}){patience}.", **where,
         )  # fmt: skip
     return NotConverged(
         f"No start found an optimum ({len(starts)} starts: {how}).",
