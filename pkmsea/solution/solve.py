@@ -60,21 +60,24 @@ def chosen(
     workers: int | None = None,
     begin: float,
     interrupted: bool = False,
+    sure: Sequence[Start] = (),
 ) -> Solution:
     """Refine the best distinct optima of some starts; the best verified one is the solution. Raises as `solve` does.
 
-    `begin` is when the starts began, by `time.perf_counter`; after an interrupt nothing is refined.
+    `begin` is when the starts began, by `time.perf_counter`; after an interrupt nothing is refined. The `sure` starts
+    are refined whatever they claim on the first mesh.
     """
     problem = transcription.problem
     finished = [start for start in starts if start.finished]
     candidates = _promising(distinct(finished or starts))
+    candidates += [start for start in sure if start.usable and start not in candidates]
     if not candidates and interrupted:
         raise KeyboardInterrupt
     if not candidates:
         raise _nothing_found(problem, starts)
     found: list[Refined | None] = []
     if not interrupted:
-        found, interrupted = _refined(transcription, workers, candidates)
+        found, interrupted = _refined(transcription, workers, candidates, sure)
     if interrupted:
         found = [unrefined(transcription, start) for start in candidates]
     best = min((x for x in found if x is not None), key=lambda x: x.rank, default=None)
@@ -85,7 +88,7 @@ def chosen(
 
 
 def _refined(
-    transcription: Transcription, workers: int | None, optima: list[Start]
+    transcription: Transcription, workers: int | None, optima: list[Start], sure: Sequence[Start]
 ) -> tuple[list[Refined | None], bool]:
     """The best optimum on finer meshes, then those that these may bring before it; True after an interrupt."""
 
@@ -97,7 +100,8 @@ def _refined(
     best = found[0] if found else None
     if best is not None and best.verified:
         energy = best.audit.energy
-        others = [start for start in others if start.energy - GAIN * (first.energy - energy) < energy]
+        most = energy + GAIN * (first.energy - energy)
+        others = [start for start in others if start.energy < most or start in sure]
     if interrupted or not others:
         return found, interrupted
     more, interrupted = all_of(others)

@@ -104,7 +104,8 @@ def _solved(job: Job, begin: float) -> dict[str, Any]:
     claimed = min((start.energy for start in starts), default=float("inf"))
     if job.known is not None and not claimed < (1 - BETTER) * job.known:
         return {"outcome": NO_BETTER, "status": NO_BETTER, "starts": len(starts)}
-    solution = chosen(transcription, starts, workers=1, begin=begin)
+    sure = starts[: len(job.near)] if job.indices is None else []  # their motions were known on finer meshes
+    solution = chosen(transcription, starts, workers=1, begin=begin, sure=sure)
     if solution.interrupted:
         raise KeyboardInterrupt
     if job.result is not None:
