@@ -15,6 +15,7 @@ from joblib.externals.loky import get_reusable_executor
 
 AHEAD = 2  # calls per process that are handed over at a time
 POOLS = 2  # that may break before every call gets processes of its own
+BREAKS = 20  # after which not even a fresh one can be had
 IDLE = 300  # [s] until a process without a call ends
 WATCH = 0.5  # [s] between looks at whether the parent is alive
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")  # one each
@@ -48,6 +49,9 @@ def unordered(
                 try:
                     future = executor.submit(_remote, os.getpid(), function, waiting[key])
                 except BrokenProcessPool:  # it broke just now; the next one is a fresh one
+                    broken += 1
+                    if broken > BREAKS:
+                        raise
                     continue
                 running[future] = key, waiting.pop(key)
             if not running:
