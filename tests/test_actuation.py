@@ -9,15 +9,17 @@ import pytest
 from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
 
 from pkmsea.actuation import NUMBERS, Actuation, Drive, flat_map
-from pkmsea.actuation.equations import stage, stage_functions
+from pkmsea.actuation.equations import stage
 from pkmsea.errors import InputError, MechanismError
-from pkmsea.mechanism import Mechanism, load_mechanism, pose
+from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.problem import build_problem
 from pkmsea.solution.audit import series
 from pkmsea.task.payload import Payload
 from pkmsea.transcription import Motion
 from pkmsea.transcription.bases import SplineBasis
 from pkmsea.transcription.guess import path
+from pkmsea.transcription.instants import Instants
+from pkmsea.transcription.poses import Poses
 
 # every mixture that a robot of the paper allows
 MIXTURES = [
@@ -113,14 +115,15 @@ def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism
     Y, Z = rng.normal(size=(delta, 5)), rng.normal(size=(m - delta, 3))
     Y[:, 0] = robot.mechanism.end_effector(q)
     c = np.where([d.elastic for d in robot.drives], 0.3, 1.0)
-    r = robot.stage_numbers(np.zeros(1))[0]
+    r = np.concatenate([robot.numbers(key) for key in NUMBERS])
     p = np.array([np.mean(parameter.bounds) for parameter in robot.parameters])
     p[: len(robot.elastic)] = np.log(c[robot.elastic])
-    w = np.concatenate([Y[:, :3].T.ravel(), Z[:, 0], p])
     k, rest = np.nan_to_num(Motion.of(robot, SplineBasis(1.0, 24, 7), np.zeros((24, m)), p).parallel).T
-    stage = stage_functions(robot.shape)
-    s = np.array(stage.unknowns(q, w, r)[1]).ravel()
-    exact = flat_map(robot.shape)(q, Y, Z, c, k, rest, np.zeros((1, 3)), r[:-1])
+    instants = Instants(robot.shape, tuple(range(2 * m, 2 * m + 3 * q.size)), r, np.zeros(1))
+    instants.xi[: q.size, 0], instants.w[:, 0], instants.p[:] = q, np.concatenate([Y[:, :3].T.ravel(), Z[:, 0]]), p
+    instants.solve()
+    s = instants.s[:, 0]
+    exact = flat_map(robot.shape)(q, Y, Z, c, k, rest, np.zeros((1, 3)), r)
     q_M, _, tau, u, v, a = (np.array(x).ravel() for x in exact)
     for i, drive in enumerate(robot.drives):
         expected = (q_M[i], u[i]) if drive.elastic else (tau[i], v[robot.mechanism.actuated[i]])
@@ -131,35 +134,38 @@ def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism
 def test_the_equations_hold_and_their_derivatives_are_exact(mechanisms: dict[str, Mechanism]) -> None:
     """The residual at the solved unknowns, and total derivatives against central differences along the equations."""
     robot = actuation(mechanisms["pkm_3rrr"], [ELASTIC] * 3)
-    n, m = robot.mechanism.model.nq, robot.m
-    functions, equations = stage_functions(robot.shape, (2 * m + n,)), stage(robot.shape)
-    residual = ca.Function("R", [equations.xi, equations.w, equations.r], [equations.R])
-    newton = pose.pose_step(robot.mechanism)
+    n, m, delta = robot.mechanism.model.nq, robot.m, robot.mechanism.mobility
+    equations = stage(robot.shape)
+    residual = ca.Function("R", [equations.xi, *equations.given], [equations.R])
     rng = np.random.default_rng(2)
     w = rng.normal(size=equations.w.numel())
     w[:2], w[-3:] = robot.mechanism.end_effector(robot.mechanism.seed), np.log(0.2)
-    r, mu = rng.uniform(0.1, 1.0, len(NUMBERS) * m + 1), rng.normal(size=2 * m + 1)
+    r, load, mu = rng.uniform(0.1, 1.0, len(NUMBERS) * m), rng.uniform(size=1), rng.normal(size=2 * m + 1)
+    poses = Poses(robot.mechanism, 1)
 
-    def solved(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        q = ca.DM(robot.mechanism.seed)
-        for _ in range(20):
-            q += newton(q, at[:2])[0]
-        xi, s, *_ = functions.unknowns(q, at, r)
-        return np.array(xi).ravel(), np.array(s).ravel()[[*range(2 * m), 2 * m + n]]
+    def solved(at: np.ndarray) -> Instants:
+        instants = Instants(robot.shape, (2 * m + n,), r, load)
+        q = poses.close(robot.mechanism.seed[:, None], at[:delta, None])
+        assert q is not None
+        instants.xi[:n], instants.w[:, 0], instants.p[:], instants.mu[:, 0] = q, at[:-3], at[-3:], mu
+        instants.solve()
+        instants.differentiate()
+        instants.bend()
+        return instants
 
-    assert np.abs(np.array(residual(solved(w)[0], w, r))).max() < 1e-9
+    def slope(at: np.ndarray) -> np.ndarray:
+        return solved(at).S.reshape(w.size, 2 * m + 1).T
+
+    assert np.abs(np.array(residual(solved(w).xi, w[:-3], w[-3:], r, load))).max() < 1e-9
     direction, h = rng.normal(size=w.size), 1e-5
 
     def central(function) -> np.ndarray:
         return (function(w + h * direction) - function(w - h * direction)) / (2 * h)
 
-    def slope(at: np.ndarray) -> np.ndarray:
-        return np.array(functions.slope(solved(at)[0], at, r))
-
-    change = central(lambda at: solved(at)[1])
+    change = central(lambda at: solved(at).s[:, 0])
     np.testing.assert_allclose(slope(w) @ direction, change, rtol=0, atol=1e-6 * np.abs(change).max())
     change = central(lambda at: mu @ slope(at))
-    W = np.array(functions.curvature(solved(w)[0], w, r, mu))
+    W = solved(w).C.reshape(w.size, w.size)
     np.testing.assert_allclose(W @ direction, change, rtol=0, atol=1e-6 * np.abs(change).max())
 
 

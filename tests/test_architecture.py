@@ -6,8 +6,8 @@ from pathlib import Path
 import pkmsea
 
 ORDER = (
-    "errors", "files", "ending", "bridge", "mechanism", "actuation", "task", "problem", "transcription", "solver",
-    "solution", "verification", "study", "paper", "new", "views", "cli",
+    "errors", "files", "ending", "bridge", "kernels", "mechanism", "actuation", "task", "problem", "transcription",
+    "solver", "solution", "verification", "study", "paper", "new", "views", "cli",
 )  # fmt: skip
 ROOT = Path(pkmsea.__file__).parent
 FREE = {"__init__", "__main__"}  # the package's front doors

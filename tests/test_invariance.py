@@ -13,7 +13,7 @@ from five_bar import LOOP, Variant, native
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pkmsea.actuation import Actuation, Drive, flat_map
+from pkmsea.actuation import NUMBERS, Actuation, Drive, flat_map
 from pkmsea.mechanism import load_mechanism
 from pkmsea.solution import solve
 
@@ -43,7 +43,7 @@ def turnover(variant: Variant) -> np.ndarray:
     drives = [Drive.model_validate(DRIVES[joint]) for joint in variant.drives]
     actuation = Actuation(mechanism, tuple(drives))
     function, kappa = flat_map(actuation.shape), actuation.numbers("copper_loss")
-    r, none = actuation.stage_numbers(np.zeros(1))[0, :-1], np.zeros(len(drives))
+    r, none = np.concatenate([actuation.numbers(key) for key in NUMBERS]), np.zeros(len(drives))
     c = [drive.stiffness_range[0] if drive.elastic else 1.0 for drive in drives]
     w, total = 2 * np.pi, np.zeros(3)
     for t in np.arange(INSTANTS) / INSTANTS:

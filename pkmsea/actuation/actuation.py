@@ -73,7 +73,7 @@ class Parameter:
         return (float(np.log(self.low)), float(np.log(self.high))) if self.logarithmic else (self.low, self.high)
 
 
-NUMBERS = ("inertia", "friction", "coulomb", "coulomb_width", "cubic")  # r holds each for all drives, then the payload
+NUMBERS = ("inertia", "friction", "coulomb", "coulomb_width", "cubic")  # r holds each for all drives
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,11 +168,9 @@ class Actuation:
         ]
         return (*series, *beside)
 
-    def stage_numbers(self, t: np.ndarray) -> np.ndarray:
-        """r at times t, (len(t), 5m + 1): NUMBERS of all drives, and the payload [kg]."""
-        fixed = np.concatenate([self.numbers(key) for key in NUMBERS])
-        mass = np.zeros(t.size) if self.payload is None else self.payload(t, 0)
-        return np.hstack([np.broadcast_to(fixed, (t.size, fixed.size)), mass[:, None]])
+    def load(self, t: np.ndarray) -> np.ndarray:
+        """Mass at the end effector at times t [kg], (len(t),)."""
+        return np.zeros(t.size) if self.payload is None else self.payload(t, 0)
 
     @cached_property
     def elastic(self) -> list[int]:

@@ -3,83 +3,83 @@
 Instead of one long expression for the drives' forces, the unknowns xi = (q, v, a, u_f, u_d, lambda) are fixed by
 
     Psi(q)                                   = [0; y]       loops closed, end effector at y
-    A(q) v                                   = [0; y']
-    A(q) a + dA/dt v                         = [0; y'']
+    dPsi/dt   = A(q) v                       = [0; y']
+    d2Psi/dt2 = A(q) a + dA/dt v             = [0; y'']
     u_i - f_i(z_i - q_A,i)                   = 0            a free elastic drive with spring force f
     u_i + M_M,i a_A,i + d_v,i v_A,i + F_i - z_i = 0         a free rigid drive
-    rnea(q, v, a) + J_E^T m_L (dv_E/dt - g) - S_A^T (u + u_P) - G^T lambda = 0    tree, payload, drives, closure forces
+    S_A^T (u + u_P) + G^T lambda - rnea(q, v, a) - J_E^T m_L (dv_E/dt - g) = 0    drives, closure forces, tree, payload
 
 given w = (y, y', y'', z, p) with the parameters p: ln c of the series springs, ln k and rest position of the parallel
-ones. What the cost and the limits need are the outputs s. Once the
-groups before it are known, each group of equations is linear in its own unknowns, with A, 1 or L in front; so dxi/dw
-and the adjoints follow group by group, as expressions.
+ones. What the cost and the limits need are the outputs s. Once the groups before it are known, each group of equations
+is linear in its own unknowns, with A, A, A, 1 or L in front. So xi, D = dxi/dw and the adjoints follow group by group:
+expressions give the right-hand sides, and the small systems are solved numerically (`pkmsea.kernels`), because symbolic
+inverses grow with the fourth power of the number of joints.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import casadi as ca
 
 from pkmsea.actuation.actuation import NUMBERS, Shape, dependent_columns, on_joints, stack
 from pkmsea.actuation.elements import coulomb, payload_load, spring_deflection, spring_force
+from pkmsea.kernels import named_function
 from pkmsea.mechanism import pose
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StageFunctions:
-    """Functions of one instant. Sizes: n joints, m drives, k = m - delta; xi has 4n + k entries.
+    """Functions of one instant between which the systems with A and L are solved, group after group.
 
-    r, (5m + 1,), is `Actuation.stage_numbers` at the instant. The outputs s are (q_M, u) of an elastic drive,
-    (q_A, u) of a damped one, (tau, v_A) of a rigid one, drive by drive; then q, v, a of all joints. s_D are those that
-    are differentiated: all of the drives, and the `limited` ones of the joints.
+    Sizes: n joints, m drives, k = m - delta; xi has 4n + k entries. Inputs: xi; w_t = (y, y', y'', z), the part of w
+    that changes from instant to instant; p; r (5m,), NUMBERS of all drives; load, the payload's mass [kg]; mu, weights
+    of s_D; nu, adjoints of the equations; D_g, the columns of dxi_g/dw that are not zero, group by group.
+
+    The outputs s are (q_M, u) of an elastic drive, (q_A, u) of a damped one, (tau, v_A) of a rigid one, drive by drive;
+    s_D are these, and the `limited` ones of q, v, a of all joints.
 
     Attributes
     ----------
-    unknowns : (q, w, r) -> xi, s, A, L; once q is known. L (n, n) maps the dependent drives' and closure forces to the
-        joints, and is singular where the drives lose the end effector.
-    slope : (xi, w, r) -> S; ds_D/dw along the equations.
-    curvature : (xi, w, r, mu) -> W; Hessian of mu^T s_D in w along the equations.
+    matrices : q -> A, L. L (n, n) maps the dependent drives' and closure forces to the joints, and is singular where
+        the drives lose the end effector.
+    right : per group after the first, (xi, w_t, p, r, load) -> right-hand side of its unknowns.
+    outputs : (xi, w_t, p, r, load) -> s_D.
+    slope_right : per group, (xi, w_t, p, r, load, D of the groups before) -> right-hand sides of D_g.
+    slope : (xi, w_t, p, r, load, D) -> S = ds_D/dw along the equations.
+    adjoint_right : per group, (xi, w_t, p, r, load, mu, nu) -> right-hand side of nu_g, whose transposed systems are
+        solved from the last group to the first.
+    curvature : (xi, w_t, p, r, load, mu, nu, D) -> Hessian of mu^T s_D in w along the equations.
+    groups : slice of xi, and of the equations, per group; its matrix is A, A, A, 1, L.
     """
 
-    unknowns: ca.Function
+    matrices: ca.Function
+    right: tuple[ca.Function, ...]
+    outputs: ca.Function
+    slope_right: tuple[ca.Function, ...]
     slope: ca.Function
+    adjoint_right: tuple[ca.Function, ...]
     curvature: ca.Function
+    groups: tuple[slice, ...]
+
+
+GROUP_MATRICES = ("A", "A", "A", "1", "L")
 
 
 @dataclass(frozen=True)
 class Stage:
-    """The equations R(xi, w, r) = 0 and outputs s as expressions.
-
-    `groups` are the solvable groups in their order: slice of R, slice of xi, inverse of the matrix between the two.
-    """
+    """The equations R(xi, w, r) = 0 and outputs s as expressions; every group's own matrix is A, A, A, 1 or L."""
 
     xi: ca.SX
     w: ca.SX
-    r: ca.SX
+    given: tuple[ca.SX, ...]  # w_t, p, r, load
     R: ca.SX
     s: ca.SX
     A: ca.SX
     L: ca.SX
-    groups: tuple[tuple[slice, ca.SX], ...]
-
-    def forward(self, right: ca.SX) -> ca.SX:
-        """R_xi^-1 right, (xi, columns)."""
-        R_xi = ca.jacobian(self.R, self.xi)
-        solved = ca.SX(0, right.size2())
-        for at, inverse in self.groups:
-            solved = ca.vertcat(solved, ca.mtimes(inverse, right[at, :] - ca.mtimes(R_xi[at, : at.start], solved)))
-        return solved
-
-    def adjoint(self, right: ca.SX) -> ca.SX:
-        """R_xi^-T right, (R, columns)."""
-        R_xi = ca.jacobian(self.R, self.xi)
-        solved = ca.SX(0, right.size2())
-        for at, inverse in reversed(self.groups):
-            below = ca.mtimes(R_xi[at.stop :, at].T, solved)
-            solved = ca.vertcat(ca.mtimes(inverse.T, right[at, :] - below), solved)
-        return solved
+    groups: tuple[slice, ...]
 
 
 def stage(shape: Shape) -> Stage:
@@ -91,74 +91,81 @@ def stage(shape: Shape) -> Stage:
     u_free, u_dependent, lam = ca.SX.sym("u_f", k), ca.SX.sym("u_d", delta), ca.SX.sym("lambda", n - delta)
     y, dy, ddy = ca.SX.sym("y", delta), ca.SX.sym("dy", delta), ca.SX.sym("ddy", delta)
     z, p = ca.SX.sym("z", k), ca.SX.sym("p", len(shape.elastic) + 2 * len(shape.parallel))
-    r = ca.SX.sym("r", len(NUMBERS) * m + 1)
+    r, mass = ca.SX.sym("r", len(NUMBERS) * m), ca.SX.sym("load")
     drives = _drives(shape, q, v, a, p, r)
     u = ca.SX(m, 1)
     u[list(shape.free)], u[shape.dependent] = u_free, u_dependent
 
-    Psi, A = pose.task_system(mechanism)(q)
-    gamma = ca.jtimes(ca.mtimes(A, v), q, v)
-    G = mechanism.functions["closure_jacobian"](q)
+    # common subexpressions are merged before each differentiation: derivatives are then half as long
+    Psi = ca.cse(pose.task_system(mechanism)(q)[0])
+    dPsi = ca.cse(ca.jtimes(Psi, q, v))
+    ddPsi = ca.cse(ca.jtimes(dPsi, ca.vertcat(q, v), ca.vertcat(v, a)))
     zero = ca.SX(n - delta, 1)
     force = [drives[i].force(z[j]) for j, i in enumerate(shape.free)]
     forces = u + ca.vertcat(*[drive.parallel for drive in drives])
-    load = mechanism.tree.inverse_dynamics(q, v, a) + payload_load(shape, q, v, a, r[-1])
+    load = mechanism.tree.inverse_dynamics(q, v, a) + payload_load(shape, q, v, a, mass)
+    closure_forces = ca.jtimes(Psi, q, ca.vertcat(lam, ca.SX.zeros(delta)), True)  # G^T lambda
     R = ca.vertcat(
         Psi - ca.vertcat(zero, y),
-        ca.mtimes(A, v) - ca.vertcat(zero, dy),
-        ca.mtimes(A, a) + gamma - ca.vertcat(zero, ddy),
+        dPsi - ca.vertcat(zero, dy),
+        ddPsi - ca.vertcat(zero, ddy),
         u_free - stack(force),
-        load - on_joints(forces, mechanism.actuated, n) - ca.mtimes(G.T, lam),
+        ca.cse(on_joints(forces, mechanism.actuated, n) + closure_forces - load),
     )
     free = {i: z[j] for j, i in enumerate(shape.free)}
     s = ca.vertcat(*[row for i in range(m) for row in drives[i].outputs(u[i], free.get(i))], q, v, a)
-    L = ca.horzcat(ca.SX(dependent_columns(shape)), G.T)
+    A = ca.cse(ca.densify(ca.jacobian(Psi, q)))
+    L = ca.horzcat(ca.SX(dependent_columns(shape)), A[: n - delta, :].T)
     edges = (0, n, 2 * n, 3 * n, 3 * n + k, 4 * n + k)
-    inverse_A = ca.inv(A)
-    inverses = (inverse_A, inverse_A, inverse_A, ca.SX.eye(k), -ca.inv(L))
-    groups = tuple(
-        (slice(start, stop), inverse) for start, stop, inverse in zip(edges, edges[1:], inverses, strict=False)
-    )
-    xi, w = ca.vertcat(q, v, a, u_free, u_dependent, lam), ca.vertcat(y, dy, ddy, z, p)
-    return Stage(xi, w, r, R, s, A, L, groups)
+    groups = tuple(slice(start, stop) for start, stop in pairwise(edges))
+    xi, w_t = ca.vertcat(q, v, a, u_free, u_dependent, lam), ca.vertcat(y, dy, ddy, z)
+    return Stage(xi, ca.vertcat(w_t, p), (w_t, p, r, mass), R, s, A, L, groups)
 
 
 @lru_cache(maxsize=32)
 def stage_functions(shape: Shape, limited: tuple[int, ...] = ()) -> StageFunctions:
     """Build the Functions of one instant for a robot; `limited` are indices of s beside the drives'."""
     e = stage(shape)
-    q = e.xi[: shape.mechanism.model.nq]
-    s_D = ca.vertcat(e.s[: 2 * shape.m], *[e.s[i] for i in limited])
+    s_D = ca.cse(ca.vertcat(e.s[: 2 * shape.m], *[e.s[i] for i in limited]))
+    given = {"xi": e.xi, **dict(zip(("w", "p", "r", "load"), e.given, strict=True))}
+    R_xi, R_w = ca.jacobian(e.R, e.xi), ca.jacobian(e.R, e.w)
+    s_xi, s_w = ca.jacobian(s_D, e.xi), ca.jacobian(s_D, e.w)
 
-    # every group is linear in its own unknowns: one Newton step from zero solves it
-    xi = q
-    for at, inverse in e.groups[1:]:
-        guess = ca.vertcat(xi, ca.SX.zeros(e.xi.numel() - at.start))
-        xi = ca.vertcat(xi, ca.densify(-ca.mtimes(inverse, ca.substitute(e.R[at], e.xi, guess))))
+    right = []
+    for at in e.groups[1:]:
+        without_own = ca.vertcat(e.xi[: at.start], ca.SX.zeros(e.xi.numel() - at.start))
+        right.append(named_function("right", given, {"b": -ca.substitute(e.R[at], e.xi, without_own)}))
+
+    D, columns, slope_right = ca.SX(0, e.w.numel()), dict(given), []
+    for g, at in enumerate(e.groups):
+        b = -(R_w[at, :] + ca.mtimes(R_xi[at, : at.start], D))
+        filled = sorted({int(c) for c in b.sparsity().get_triplet()[1]})
+        slope_right.append(named_function("slope_right", columns, {"b": b[:, filled]}))
+        columns[f"D_{g}"] = ca.SX.sym(f"D_{g}", at.stop - at.start, len(filled))
+        D_g = ca.SX(at.stop - at.start, e.w.numel())
+        D_g[:, filled] = columns[f"D_{g}"]
+        D = ca.vertcat(D, D_g)
+    slope = s_w + ca.mtimes(s_xi, D)
 
     mu, nu = ca.SX.sym("mu", s_D.numel()), ca.SX.sym("nu", e.R.numel())
-    inner = e.forward(-ca.jacobian(e.R, e.w))
-    s_xi = ca.jacobian(s_D, e.xi)
-    slope = ca.jacobian(s_D, e.w) + ca.mtimes(s_xi, inner)
-    Hessian = ca.hessian(ca.dot(mu, s_D) + ca.dot(nu, e.R), ca.vertcat(e.xi, e.w))[0]
-    Hessian = ca.substitute(Hessian, nu, ca.densify(e.adjoint(-ca.mtimes(s_xi.T, mu))))
-    direction = ca.vertcat(inner, ca.SX.eye(e.w.numel()))
-    curvature = ca.mtimes(direction.T, ca.mtimes(Hessian, direction))
-    given, names = [e.xi, e.w, e.r], ["xi", "w", "r"]
+    adjoint = given | {"mu": mu, "nu": nu}
+    adjoint_right = []
+    for at in e.groups:
+        later = ca.cse(ca.dot(mu, s_D) + ca.dot(nu[at.stop :], e.R[at.stop :]))
+        adjoint_right.append(named_function("adjoint_right", adjoint, {"b": -ca.gradient(later, e.xi[at])}))
+    Hessian = ca.hessian(ca.cse(ca.dot(mu, s_D) + ca.dot(nu, e.R)), ca.vertcat(e.xi, e.w))[0]
+    direction = ca.vertcat(D, ca.SX.eye(e.w.numel()))
+    curvature = ca.triu2symm(ca.triu(ca.mtimes(direction.T, ca.mtimes(Hessian, direction))))
     return StageFunctions(
-        _function(
-            "unknowns", [q, e.w, e.r], [xi, ca.substitute(e.s, e.xi, ca.densify(xi)), e.A, e.L],
-            ["q", "w", "r"], ["xi", "s", "A", "L"],
-        ),
-        _function("slope", given, [slope], names, ["S"]),
-        _function("curvature", [*given, mu], [curvature], [*names, "mu"], ["W"]),
-    )  # fmt: skip
-
-
-def _function(
-    name: str, inputs: list[ca.SX], outputs: list[ca.SX], names_in: list[str], names_out: list[str]
-) -> ca.Function:
-    return ca.Function(name, inputs, [ca.densify(x) for x in ca.cse(outputs)], names_in, names_out)
+        named_function("matrices", {"q": e.xi[e.groups[0]]}, {"A": e.A, "L": e.L}),
+        tuple(right),
+        named_function("outputs", given, {"s": s_D}),
+        tuple(slope_right),
+        named_function("slope", columns, {"S": slope}),
+        tuple(adjoint_right),
+        named_function("curvature", adjoint | columns, {"W": curvature}),
+        e.groups,
+    )
 
 
 @dataclass(frozen=True)

@@ -145,7 +145,12 @@ static std::vector<std::string> functions(const std::vector<Joint> &joints, cons
           Function("frame_jacobians", {q}, {SX::vertcat(jacobians)}, {"q"}, {"J"}).serialize()};
 }
 
+void register_machine(nb::module_ &m);  // machine.cpp
+void register_grid(nb::module_ &m);     // grid.cpp
+
 NB_MODULE(_bridge, m) {
+  register_machine(m);
+  register_grid(m);
   m.attr("casadi_version") = CASADI_VERSION_STRING;
   nb::class_<Joint>(m, "Joint")
       .def(nb::init<std::size_t, bool, Triple, Rotation, Triple, double, Triple, Rotation>());

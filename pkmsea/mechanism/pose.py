@@ -66,13 +66,12 @@ def task_system(mechanism: Mechanism) -> ca.Function:
 
 
 @lru_cache(maxsize=32)
-def pose_step(mechanism: Mechanism) -> ca.Function:
-    """(q, y) -> step, gap: Newton's step towards Psi(q) = [0; y], and how far it is off."""
+def pose_gap(mechanism: Mechanism) -> ca.Function:
+    """(q, y) -> A, gap, gap: how far Psi(q) is off [0; y]; Newton's step towards it is A^-1 gap."""
     q, y = ca.SX.sym("q", mechanism.model.nq), ca.SX.sym("y", mechanism.mobility)
     Psi, A = task_system(mechanism)(q)
-    gap = ca.vertcat(ca.SX.zeros(q.numel() - y.numel()), y) - Psi
-    step = ca.mtimes(ca.inv(A), gap)
-    return ca.Function("pose_step", [q, y], ca.cse([step, gap]), ["q", "y"], ["step", "gap"])
+    gap = ca.densify(ca.vertcat(ca.SX.zeros(q.numel() - y.numel()), y) - Psi)
+    return ca.Function("pose_gap", [q, y], ca.cse([A, gap, gap]), ["q", "y"], ["A", "gap", "right"])
 
 
 def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from pkmsea.actuation import NUMBERS, Actuation
 from pkmsea.actuation.elements import payload_power
 from pkmsea.actuation.flat_map import flat_map_of_columns
+from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Problem
 from pkmsea.transcription import Motion
-from pkmsea.transcription.batch import Batch, poses_along
-from pkmsea.transcription.compiled import kernels
 from pkmsea.transcription.damping import derivative, frequencies
+from pkmsea.transcription.poses import Poses, poses_along
 
 POINTS = 4000  # at least, per period; many more than any transcription's grid
 PER_MODE = 40  # and at least so many per highest harmonic of the basis
@@ -100,7 +99,7 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
         L = np.stack([actuation.payload(t, order) for order in range(3)], axis=1)
     k, rest = np.nan_to_num(motion.parallel, nan=1.0).T
     c = np.nan_to_num(motion.stiffness, nan=1.0)
-    exact = _batch(flat_map_of_columns(actuation.shape), count)
+    exact = Batch(flat_map_of_columns(actuation.shape), count)
     q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, r))
     for i in actuation.damped:
         q_M[:, i], v_M[:, i], a_M = _damped(actuation, i, basis.period, motion.stiffness[i], q, v, a, u[:, i])
@@ -184,16 +183,12 @@ def _poses(problem: Problem, targets: np.ndarray) -> np.ndarray:
     """Poses along the path, all on the same side of the inverse-kinematic singularities."""
     mechanism = problem.actuation.mechanism
     count, n = targets.shape[0], mechanism.model.nq
-    poses = poses_along(mechanism, _batch(pose.pose_step(mechanism), count), targets)
-    A = _batch(pose.task_system(mechanism), count)(poses)[1]
+    poses = poses_along(Poses(mechanism, count), targets.T).T
+    A = Batch(pose.task_system(mechanism), count)(poses)[1]
     signs = np.sign(np.linalg.det(A.reshape(count, n, n)))
     if np.any(signs != signs[0]):
         raise FloatingPointError("the motion crosses a singularity")
     return poses
-
-
-def _batch(function: ca.Function, count: int) -> Batch:
-    return Batch(function, count, kernels((function,))[0])
 
 
 def _window_excess(problem: Problem, motion: Motion) -> float:

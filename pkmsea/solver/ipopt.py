@@ -22,6 +22,7 @@ WARM = {"warm_start_init_point": "yes"} | {
 }
 STAGNANT = 5  # iterations in a row that change the energy by less than options.stagnation end a solve
 ANY_ERROR = 1e20  # of optimality: only the energy decides
+KEPT = 0.99  # share of a solver's time limit that must be left for it to serve again
 FEASIBLE = 1e-6  # largest constraint violation of a usable point, in the constraints' units
 
 
@@ -85,6 +86,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
     x, scale = nlp.stacked("guess"), nlp.stacked("scale")
     lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
     multipliers: dict[str, ca.DM] = {}
+    solvers = _Solvers(nlp, options)
     iterations: list[int] = []
     outcome, violation, seconds, evaluation = Outcome.FAILED, np.inf, 0.0, 0.0
     for step in range(nlp.steps) if steps is None else steps:
@@ -94,7 +96,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
             break
         p = nlp.parameter(step, x)
         change = options.stagnation * min(abs(float(nlp.oracle(x / scale, p)[0])), 1.0) if options.stagnation else 0.0
-        solver = _solver(nlp, options, left, warm=warm or bool(multipliers), change=change)
+        solver = solvers.get(left, warm=warm or bool(multipliers), change=change)
         bounds = {"lbx": lower / scale, "ubx": upper / scale, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
         with _quiet():
             found = solver(x0=x / scale, p=p, **bounds, **multipliers)
@@ -116,6 +118,22 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
             break
         multipliers = {"lam_g0": found["lam_g"], "lam_x0": found["lam_x"]}
     return Point(x, outcome, violation, tuple(iterations), seconds, evaluation)
+
+
+class _Solvers:
+    """IPOPT on one NLP; a solver serves again as long as the time that is left has hardly changed."""
+
+    def __init__(self, nlp: Nlp, options: Options) -> None:
+        self._nlp, self._options = nlp, options
+        self._made: dict[tuple[bool, float], tuple[float, ca.Function]] = {}
+
+    def get(self, seconds: float, *, warm: bool, change: float) -> ca.Function:
+        """One that ends after so many seconds; see `solve_nlp` for `warm`, `STAGNANT` for `change`."""
+        limit, solver = self._made.get((warm, change), (np.inf, None))
+        if solver is None or seconds < KEPT * limit:
+            solver = _solver(self._nlp, self._options, seconds, warm, change)
+            self._made[warm, change] = seconds, solver
+        return solver
 
 
 def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool, change: float) -> ca.Function:

@@ -37,24 +37,21 @@ class DampedSprings:
         """K^T weights."""
         return self._filter(self._gains(i, p)[0].conj(), weights)
 
-    def slope(self, i: int, p: np.ndarray, u: np.ndarray, u_x: np.ndarray, column: int) -> np.ndarray:
-        """de/dx from du/dx (samples, x); `column` belongs to ln c."""
-        K, K_theta, _ = self._gains(i, p)
-        result = self._filter(K, u_x)
-        result[:, column] += self._filter(K_theta, u)
-        return result
+    def kernel(self, i: int, p: np.ndarray) -> np.ndarray:
+        """First column of the circulant matrix K, (samples,)."""
+        return np.asarray(np.fft.irfft(self._gains(i, p)[0], self._samples))
 
-    def curvature(
-        self, i: int, p: np.ndarray, u: np.ndarray, u_x: np.ndarray, weights: np.ndarray, column: int
-    ) -> np.ndarray:
-        """Hessian of weights^T e, but for that of u itself, (x, x)."""
-        _, K_theta, K_theta_theta = self._gains(i, p)
-        mixed = self._filter(K_theta.conj(), weights) @ u_x
-        result = np.zeros((u_x.shape[1], u_x.shape[1]))
-        result[column] += mixed
-        result[:, column] += mixed
-        result[column, column] += weights @ self._filter(K_theta_theta, u)
-        return result
+    def slope(self, i: int, p: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """de/d(ln c) for a given force, (samples,)."""
+        return self._filter(self._gains(i, p)[1], u)
+
+    def mixed(self, i: int, p: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """d^2(weights^T e)/d(ln c)du, (samples,)."""
+        return self._filter(self._gains(i, p)[1].conj(), weights)
+
+    def curvature(self, i: int, p: np.ndarray, u: np.ndarray, weights: np.ndarray) -> float:
+        """d^2(weights^T e)/d(ln c)^2 for a given force."""
+        return float(weights @ self._filter(self._gains(i, p)[2], u))
 
     def _gains(self, i: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         c = np.exp(p[self._elastic.index(i)])
@@ -62,5 +59,4 @@ class DampedSprings:
         return K, -c * K**2, -c * K**2 + 2 * c**2 * K**3
 
     def _filter(self, gain: np.ndarray, values: np.ndarray) -> np.ndarray:
-        shape = (-1,) + (1,) * (values.ndim - 1)
-        return np.asarray(np.fft.irfft(gain.reshape(shape) * np.fft.rfft(values, axis=0), self._samples, axis=0))
+        return np.asarray(np.fft.irfft(gain * np.fft.rfft(values), self._samples))

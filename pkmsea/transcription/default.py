@@ -51,11 +51,10 @@ class FlatTranscription(Transcription):
         return Motion.of(self.problem.actuation, self.basis, *self._free.robot.split(x))
 
     def within_limits(self, x: np.ndarray) -> bool:
-        signals = self._free.at(x).signals
         return all(
-            np.all(signals[:, column] >= lower) and np.all(signals[:, column] <= upper)
+            np.all(signal >= lower) and np.all(signal <= upper)
             for bound in self.problem.bounds
-            if (column := self._free.column(bound)) is not None
+            if (signal := self._free.signal(x, bound)) is not None
             for lower, upper in [narrowed(bound.lower, bound.upper)]
         )
 

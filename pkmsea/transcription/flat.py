@@ -14,13 +14,15 @@ from pkmsea.problem import Bound, Problem
 from pkmsea.transcription.bases import Basis
 from pkmsea.transcription.nlp import Callback, Nlp, Variable
 from pkmsea.transcription.pattern import Pattern
-from pkmsea.transcription.robot import RobotOnGrid, State
+from pkmsea.transcription.robot import RobotOnGrid
+from pkmsea.transcription.signals import SignalsOnGrid
 from pkmsea.transcription.windows import LinearRows, linear_rows, narrowed
 
 SHARPENING = (1.0, 0.3, 0.1, 0.03)  # eps of each step, relative to the mean positive power before it
 SMALLEST_POWER = 1e-9  # [W]; keeps the root differentiable where nothing moves
 SMALLEST_SPREAD = 1e-6  # [rad, m, N m, N]; keeps a scale positive where nothing moves
-SIGNALS = ("tau", "speed")
+DRIVES = ("tau", "speed")
+JOINTS = ("q", "dq", "ddq")
 # typical change of a coefficient relative to that of a parameter (1), found by trial: IPOPT regularises by scale
 PATH_SCALE, FREE_SCALE = 0.03, 0.3  # of the operating points' span, and of the spread of a free drive's coordinate
 
@@ -32,104 +34,70 @@ class FlatNlp:
         self.problem, self.basis = problem, basis
         self.weight = basis.period / samples
         self.limited = [bound for bound in limited if not bound.quantity.endswith("r_E")]
-        self.columns = [column for bound in self.limited if (column := self.column(bound)) is not None]
-        joints = sorted({column for column in self.columns if column >= 2 * problem.actuation.m})
+        m, n = problem.actuation.m, problem.actuation.mechanism.model.nq
+        motions = {self._motion(bound, n) for bound in self.limited if bound.quantity in JOINTS}
+        joints = sorted(motions)
+        self._columns = [
+            2 * m + joints.index(self._motion(bound, n))
+            if bound.quantity in JOINTS
+            else 2 * bound.index + DRIVES.index(bound.quantity)
+            for bound in self.limited
+        ]
         self.robot = RobotOnGrid(problem.actuation, basis, samples, joints)
+        self._signals = SignalsOnGrid(problem.actuation, self.robot.z, len(joints), self._columns)
         self.rows: LinearRows = linear_rows(problem, basis, samples, self.robot.size)
-        self._differentiated = [self.robot.differentiated.index(column) for column in self.columns]
-        self._state: State | None = None
-        self._pattern = Pattern(self.robot, self.rows, self._differentiated)
+        self._pattern = Pattern(self.robot, self.rows, len(self._columns))
 
-    def column(self, bound: Bound) -> int | None:
-        """Column of the signal that a bound limits; None for the end effector's, which are linear."""
-        m, n = self.problem.actuation.m, self.problem.actuation.mechanism.model.nq
+    @staticmethod
+    def _motion(bound: Bound, n: int) -> int:
+        """Index into (q, v, a) of all n joints of what a bound limits."""
+        return n * JOINTS.index(bound.quantity) + bound.index
+
+    def signal(self, x: np.ndarray, bound: Bound) -> np.ndarray | None:
+        """What a bound limits, at all samples; None for the end effector's, which are linear."""
         if bound.quantity.endswith("r_E"):
             return None
-        if bound.quantity in SIGNALS:
-            return 2 * bound.index + SIGNALS.index(bound.quantity)
-        return 2 * m + n * ("q", "dq", "ddq").index(bound.quantity) + bound.index
-
-    def at(self, x: np.ndarray) -> State:
-        """The robot's state at x; the last one is kept."""
-        if self._state is None or not np.array_equal(self._state.x, x):
-            self._state = self.robot.state(x)
-        return self._state
-
-    def power(self, state: State) -> np.ndarray:
-        """Bus power P at all samples [W]."""
-        tau, speed = state.signals[:, 0 : 2 * self.robot.m : 2], state.signals[:, 1 : 2 * self.robot.m : 2]
-        return np.asarray((tau * speed + self.problem.kappa * tau**2).sum(axis=1))
+        self.robot.at(x)
+        if bound.quantity in JOINTS:
+            return self.robot.instants.xi[self._motion(bound, self.robot.n)]
+        return self._signals.values()[2 * bound.index + DRIVES.index(bound.quantity)]
 
     def energy(self, x: np.ndarray) -> float:
         """The transcription's own energy, with the exact positive part [J]."""
-        return float(self.weight * np.maximum(self.power(self.at(x)), 0.0).sum())
+        self.robot.at(x)
+        return float(self.weight * np.maximum(self._signals.power(), 0.0).sum())
 
     def objective(self, x: np.ndarray, eps: float) -> float:
         """Smoothed energy [J]."""
-        P = self.power(self.at(x))
-        return float(self.weight * (P + np.sqrt(P**2 + eps**2)).sum() / 2)
+        self.robot.at(x)
+        return float(self.weight * self._signals.rate(eps).sum())
 
     def constraints(self, x: np.ndarray) -> np.ndarray:
         """Windows and end-effector limits (linear), then limited signals sample by sample."""
-        return np.concatenate([self.rows.matrix @ x, self.at(x).signals[:, self.columns].ravel()])
+        self.robot.at(x)
+        limited = self._signals.values()[self._columns].T if self._columns else np.zeros(0)
+        return np.concatenate([self.rows.matrix @ x, limited.ravel()])
 
     def gradient(self, x: np.ndarray, eps: float) -> np.ndarray:
         """Gradient of the smoothed energy."""
-        state = self.at(x)
-        return self._pattern.gather(self._drive_weights(state, eps), self.robot.differentiate(state))
+        self.robot.at(x)
+        return self.robot.gradient(self._signals.slope(eps, self.weight))
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Nonzeros of the constraints' Jacobian, in CasADi's order."""
-        slope = self.robot.differentiate(self.at(x)) if self.columns else None
-        return self._pattern.jacobian_values(slope)
+        nonlinear = np.zeros(0)
+        if self._columns:
+            self.robot.at(x)
+            nonlinear = self.robot.jacobian(self._signals.jacobian())
+        return self._pattern.jacobian_values(nonlinear)
 
     def hessian(self, x: np.ndarray, eps: float, factor: float, multipliers: np.ndarray) -> np.ndarray:
         """Nonzeros of the upper triangle of the Lagrangian's Hessian."""
-        state, m = self.at(x), self.robot.m
-        slope = self.robot.differentiate(state)
-        weights = factor * self._drive_weights(state, eps)
-        nonlinear = multipliers[self.rows.matrix.shape[0] :].reshape(self.robot.samples, -1)
-        for j, column in enumerate(self._differentiated):
-            weights[:, column] += nonlinear[:, j]
-        blocks = self.robot.curvature(state, weights)
-        Q = factor * self._drive_curvature(state, eps)
-        speed = np.arange(1, 2 * m, 2)
-        Q[:, speed, speed] += weights[:, 0 : 2 * m : 2] * self.robot.friction_curvature(state)
-        drives = slope[:, :, : 2 * m]
-        weighted = Q[self.robot.cells.own] @ drives
-        shape = (drives.shape[0], -1, drives.shape[-1])
-        blocks += drives.reshape(shape).transpose(0, 2, 1) @ weighted.reshape(shape)
-        return self._pattern.hessian_values(blocks)
-
-    def _drive_weights(self, state: State, eps: float) -> np.ndarray:
-        """dE/dsignals, (samples, differentiated signals)."""
-        gain, _ = _positive_part_slopes(self.power(state), eps)
-        weights = np.zeros((self.robot.samples, len(self.robot.differentiated)))
-        m2 = 2 * self.robot.m
-        weights[:, :m2] = self.weight * gain[:, None] * self._power_slope(state)
-        return weights
-
-    def _power_slope(self, state: State) -> np.ndarray:
-        """dP/d(tau_1, v_1, tau_2, ...), (samples, 2m)."""
-        m2 = 2 * self.robot.m
-        tau, speed = state.signals[:, 0:m2:2], state.signals[:, 1:m2:2]
-        result = np.empty((tau.shape[0], m2))
-        result[:, 0::2] = speed + 2 * self.problem.kappa * tau
-        result[:, 1::2] = tau
-        return result
-
-    def _drive_curvature(self, state: State, eps: float) -> np.ndarray:
-        """d^2E/d(tau, v)^2, (samples, 2m, 2m)."""
-        gain, bend = _positive_part_slopes(self.power(state), eps)
-        slope = self._power_slope(state)
-        m2 = 2 * self.robot.m
-        own = np.zeros((m2, m2))
-        tau = np.arange(0, m2, 2)
-        own[tau, tau] = 2 * self.problem.kappa
-        own[tau, tau + 1] = own[tau + 1, tau] = 1.0
-        return np.asarray(
-            self.weight * (bend[:, None, None] * slope[:, :, None] * slope[:, None, :] + gain[:, None, None] * own)
-        )
+        self.robot.at(x)
+        weights = multipliers[self.rows.matrix.shape[0] :].reshape(self.robot.samples, -1).T
+        slope = self._signals.slope(eps, factor * self.weight, weights)
+        Q = self._signals.curvature()
+        return self.robot.hessian(slope, Q, self._pattern.slots, self._pattern.nonzeros)
 
     def nlp(self, guess: np.ndarray) -> Nlp:
         """The NLP around a first trajectory, whose poses are found by continuation."""
@@ -199,9 +167,3 @@ class FlatNlp:
             low, high = (np.array([bound]) for bound in parameter.bounds)
             result.append(Variable(parameter.name, low, high, np.ones(1), p[j : j + 1]))
         return tuple(result)
-
-
-def _positive_part_slopes(P: np.ndarray, eps: float) -> tuple[np.ndarray, np.ndarray]:
-    """First and second derivative of (P + sqrt(P^2 + eps^2)) / 2."""
-    root = np.sqrt(P**2 + eps**2)
-    return (1 + P / root) / 2, eps**2 / (2 * root**3)

@@ -7,7 +7,7 @@ import numpy as np
 from pkmsea.problem import Problem
 from pkmsea.transcription.bases import Basis, SplineBasis
 from pkmsea.transcription.motion import Motion
-from pkmsea.transcription.robot import RobotOnGrid, State
+from pkmsea.transcription.robot import RobotOnGrid
 from pkmsea.transcription.windows import window_times
 
 DETOUR = 0.25  # standard deviation of a random detour, relative to the task's span
@@ -67,24 +67,25 @@ def start(problem: Problem, robot: RobotOnGrid, rng: np.random.Generator | None)
     coefficients[:, : robot.delta] = path(problem, robot.basis, rng)
     x = np.concatenate([coefficients.T.ravel(), p])
     robot.start(x)
-    state = robot.state(x)
+    robot.at(x)
     if problem.actuation.free:
-        coefficients[:, robot.delta :] = _shared_load(problem, robot, state, rng)
+        coefficients[:, robot.delta :] = _shared_load(problem, robot, x, rng)
         x = np.concatenate([coefficients.T.ravel(), p])
     return x
 
 
-def _shared_load(problem: Problem, robot: RobotOnGrid, state: State, rng: np.random.Generator | None) -> np.ndarray:
+def _shared_load(problem: Problem, robot: RobotOnGrid, x: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
     """Coefficients of z for which the drives' forces have the least norm: u = N_A (N_A^T N_A)^-1 N_A^T u.
 
     With `rng`, random low harmonics add to the free drives' forces; the load equation makes them internal.
     """
     actuation = problem.actuation
     m, n = robot.m, robot.n
-    stiffness = Motion.of(actuation, robot.basis, *robot.split(state.x)).stiffness
-    u, q = state.xi[:, 3 * n : 3 * n + m], state.xi[:, :n]
-    v, a = state.xi[:, n : 2 * n], state.xi[:, 2 * n : 3 * n]
-    N_A = robot.drive_jacobian(q)
+    stiffness = Motion.of(actuation, robot.basis, *robot.split(x)).stiffness
+    q, v, a, forces = np.split(robot.instants.xi.T, [n, 2 * n, 3 * n], axis=1)
+    u = np.empty((q.shape[0], m))
+    u[:, [*actuation.free, *actuation.shape.dependent]] = forces[:, :m]
+    N_A = robot.drive_jacobian(q.T)
     share = (N_A @ np.linalg.pinv(N_A) @ u[:, :, None])[..., 0]
     if rng is not None:
         size = INTERNAL * np.abs(share).max()

@@ -146,7 +146,7 @@ class PaperTranscription(Transcription):
         exact = flat_map_of_columns(actuation.shape)
         q, Y, Z, c = (ca.SX.sym(name, exact.numel_in(i)) for i, name in enumerate(("q", "Y", "Z", "c")))
         none, mass = ca.DM.zeros(self.m), ca.DM.zeros(1, 3)
-        out = exact(q, Y, Z, c, none, none, mass, ca.DM(self.robot.r[0, :-1]))
+        out = exact(q, Y, Z, c, none, none, mass, ca.DM(self.robot.r))
         return ca.Function("flat_torque", [q, Y, Z, c], [out[2], out[1], out[4], out[5]])
 
     def _window_rows(self, rows: _Rows, Y: ca.MX) -> None:
@@ -172,7 +172,8 @@ class PaperTranscription(Transcription):
         self.robot.start(flat)
         coefficients, theta = self.robot.split(flat)
         parts: dict[str, np.ndarray] = {"theta": theta if theta.size else np.zeros(1)}
-        parts["q"] = self.robot.state(flat).q.T
+        self.robot.at(flat)
+        parts["q"] = self.robot.instants.xi[: self.robot.n]
         if self.chain:
             for j in range(self.m):
                 jet = np.array([self.basis.matrix(self.t, d) @ coefficients[:, j] for d in range(self._depth(j))])

@@ -1,4 +1,4 @@
-"""Fixed sparsity patterns: cell blocks scattered into the nonzeros that the solver wants."""
+"""Fixed sparsity of an NLP on cells: where blocks of a cell's local variables lie in Jacobian and Hessian."""
 
 from __future__ import annotations
 
@@ -10,48 +10,42 @@ from pkmsea.transcription.windows import LinearRows
 
 
 class Pattern:
-    """Fixed sparsity of Jacobian and Hessian, and the scatter of cell blocks into their nonzeros."""
+    """Sparsity of Jacobian and Hessian, and the places of the cells' entries among their nonzeros.
 
-    def __init__(self, robot: RobotOnGrid, rows: LinearRows, columns: list[int]) -> None:
-        self._size, self._index = robot.size, robot.local
-        self._own, self._columns = robot.cells.own, columns
-        a, b = np.broadcast_arrays(robot.local[:, :, None], robot.local[:, None, :])
-        upper = (a <= b).ravel()
-        keys = (b.ravel()[upper].astype(np.int64) * self._size + a.ravel()[upper]).astype(np.int64)
-        unique, self._slot = np.unique(keys, return_inverse=True)
-        self._upper = upper
-        self.hessian = _sparsity(self._size, self._size, unique % self._size, unique // self._size)
-        self._hessian_nnz = unique.size
+    Attributes
+    ----------
+    slots : (cells, local, local), the nonzero of the Hessian's upper triangle that a pair of local variables adds to.
+    nonzeros : of the Hessian.
+    """
+
+    def __init__(self, robot: RobotOnGrid, rows: LinearRows, limited: int) -> None:
+        """`limited` signals are constrained at every sample, after the linear rows."""
+        size, index = robot.size, robot.local
+        a, b = np.broadcast_arrays(index[:, :, None], index[:, None, :])
+        keys = np.maximum(a, b).astype(np.int64) * size + np.minimum(a, b)
+        unique, slots = np.unique(keys, return_inverse=True)
+        self.slots, self.nonzeros = slots.reshape(keys.shape).astype(np.int32), unique.size
+        self.hessian = _sparsity(size, size, unique % size, unique // size)
 
         linear = rows.matrix.tocoo()
         self._linear = linear.data
-        first, count = rows.matrix.shape[0], len(columns)
-        self.rows = first + robot.samples * count
-        samples = self._own[:, :, None, None] * count + np.arange(count)[None, None, :, None]
-        variables = robot.local[:, None, None, :]
-        i, j = np.broadcast_arrays(first + samples, variables)
+        first = rows.matrix.shape[0]
+        self.rows = first + robot.samples * limited
+        samples = robot.cells.own[:, :, None, None] * limited + np.arange(limited)[None, None, :, None]
+        i, j = np.broadcast_arrays(first + samples, index[:, None, None, :])
         all_rows = np.concatenate([linear.row, i.ravel()])
         all_columns = np.concatenate([linear.col, j.ravel()])
         self._order = np.lexsort((all_rows, all_columns))
-        self.jacobian = _sparsity(self.rows, self._size, all_rows[self._order], all_columns[self._order])
+        self.jacobian = _sparsity(self.rows, size, all_rows[self._order], all_columns[self._order])
 
     def scales(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Factors of the nonzeros of Jacobian and Hessian where each variable is divided by its scale."""
         row, column = (np.array(x) for x in self.hessian.get_triplet())
         return scale[np.array(self.jacobian.get_triplet()[1])], scale[row] * scale[column]
 
-    def gather(self, weights: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        """sum over samples and signals of weights * slope, scattered to x."""
-        own = weights[self._own]
-        local = (own.reshape(own.shape[0], 1, -1) @ slope.reshape(own.shape[0], -1, slope.shape[-1]))[:, 0]
-        return np.bincount(self._index.ravel(), local.ravel(), self._size)
-
-    def hessian_values(self, blocks: np.ndarray) -> np.ndarray:
-        return np.bincount(self._slot, blocks.reshape(-1)[self._upper], self._hessian_nnz)
-
-    def jacobian_values(self, slope: np.ndarray | None) -> np.ndarray:
-        nonlinear = np.zeros(0) if slope is None else slope[:, :, self._columns, :].ravel()
-        return np.asarray(np.concatenate([self._linear, nonlinear])[self._order])
+    def jacobian_values(self, nonlinear: np.ndarray) -> np.ndarray:
+        """Nonzeros of the Jacobian from the rows of the limited signals."""
+        return np.asarray(np.concatenate([self._linear, nonlinear.ravel()])[self._order])
 
 
 def _sparsity(rows: int, columns: int, i: np.ndarray, j: np.ndarray) -> ca.Sparsity:

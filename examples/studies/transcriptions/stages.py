@@ -13,8 +13,7 @@ import casadi as ca
 import numpy as np
 from layout import Layout, pattern
 
-from pkmsea.transcription.batch import Batch
-from pkmsea.transcription.compiled import kernels
+from pkmsea.kernels import Batch
 from pkmsea.transcription.nlp import Callback, Nlp, Variable
 from pkmsea.transcription.windows import LinearRows
 
@@ -29,8 +28,7 @@ class StageNlp:
         """`box` (2, K, g): bounds of g, infinite where a stage does not have that constraint; `rows`: linear ones."""
         self.layout, self.numbers, self.size = layout, numbers, int(layout.index.max()) + 1
         K, L = layout.index.shape
-        compiled = zip(functions, kernels(tuple(functions)), strict=True)
-        self._values, self._slopes, self._curvature = (Batch(function, K, code) for function, code in compiled)
+        self._values, self._slopes, self._curvature = (Batch(function, K) for function in functions)
         self._kept = np.isfinite(box).any(axis=0)
         self._rows = rows.matrix.tocoo() if rows is not None else None
         linear = (rows.lower, rows.upper) if rows is not None else (np.zeros(0), np.zeros(0))
