@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import signal
 import sys
 import threading
@@ -16,6 +18,7 @@ INTERRUPTED = 130  # how typer ends on Ctrl-C
 T = TypeVar("T")
 signals: list[int] = []  # that came
 _held = False  # whether a first signal waits for the next `interruptible`
+_fresh = True  # whether nothing was `interruptible` yet, so that there is nothing to be lost
 
 
 def run(app: Callable[[], Any]) -> None:
@@ -57,9 +60,10 @@ def _heed_ctrl_c() -> bool:
 
 
 def hold() -> None:
-    """From now on, let a first signal wait for the next `interruptible`; a second one does not wait.
+    """From now on, let a first signal wait for the next `interruptible`, so that results are written to their end.
 
-    So imports, some of which swallow exceptions, and the writing of results run to their end.
+    A second one does not wait; and before the first `interruptible` a signal ends the process at once, because imports
+    may swallow an exception.
     """
     global _held
     _held = True
@@ -71,9 +75,9 @@ def interruptible() -> Iterator[None]:
 
     CasADi, for one, makes another exception of it on its way: after a signal that is a KeyboardInterrupt again.
     """
-    global _held
+    global _held, _fresh
     stop_if()
-    _held = False
+    _held = _fresh = False
     try:
         yield
     except Exception:
@@ -115,5 +119,9 @@ def noticed() -> Iterator[None]:
 
 def _stop(number: int, frame: Any) -> None:
     signals.append(number)
+    if _held and _fresh:
+        os.write(sys.stderr.fileno(), b"pkmsea: stopped\n")
+        atexit._run_exitfuncs()  # folders for temporary files go
+        os._exit(1)
     if not _held or len(signals) > 1:
         raise KeyboardInterrupt

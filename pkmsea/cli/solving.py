@@ -28,7 +28,7 @@ def solve(
     from pkmsea.problem import build_problem
     from pkmsea.task import load_task
     from pkmsea.views import records, tables
-    from pkmsea.views.output import save_all
+    from pkmsea.views.output import save_overview, save_result
 
     loaded = load_task(task) if starts is None else load_task(task).with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
@@ -48,7 +48,7 @@ def solve(
                 with ending.interruptible():
                     solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
                 if out is not None:
-                    written.append(solved[-1].save(out / f"{views.file_name(name, among)}.nc"))
+                    written += save_result(solved[-1], out)
                 ending.stop_if(solved[-1].interrupted)
             except SolveError as error:
                 failures[name] = error
@@ -63,7 +63,7 @@ def solve(
     elif solved:
         tables.print_solutions(solved, reference, failures)
     if solved and out is not None:
-        tell_written(written + save_all(solved, out, list(failures)), json_)
+        tell_written([*written, save_overview(solved, out, list(failures))], json_)
     end(failures, stopped)
 
 
@@ -79,13 +79,12 @@ def reproduce(
 ) -> None:
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
     ending.hold()
-    from pkmsea import views
     from pkmsea.errors import PkmseaError, SolveError
     from pkmsea.files import check_writable
     from pkmsea.paper.reproduce import TABLES, Row, paper_task
     from pkmsea.paper.reproduce import reproduce as rows_of
     from pkmsea.views import records, tables
-    from pkmsea.views.output import save_all
+    from pkmsea.views.output import save_overview, save_result
 
     if out is not None:
         check_writable(out)
@@ -108,8 +107,7 @@ def reproduce(
             for row in ending.each(found):
                 rows.append(row)
                 if out is not None:
-                    path = out / f"table_{row.table}" / f"{views.setup_file(row.solution)}.nc"
-                    written.append(row.solution.save(path))
+                    written += save_result(row.solution, out / f"table_{row.table}")
                 ending.stop_if(row.solution.interrupted)
         except (PkmseaError, KeyboardInterrupt) as error:
             stopped = error
@@ -118,10 +116,9 @@ def reproduce(
     else:
         tables.print_rows(rows, failures)
     if out is not None:
-        tell_written(written, json_)
         for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
-            tell_written(
-                save_all(of_table, out / f"table_{number}", [name for n, name in failures if n == number]), json_
-            )
+            failed = [name for n, name in failures if n == number]
+            written.append(save_overview(of_table, out / f"table_{number}", failed))
+        tell_written(written, json_)
     end(failures, stopped)

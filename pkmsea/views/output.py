@@ -1,4 +1,4 @@
-"""What `solve` and `reproduce` leave in the output folder, beside the result files."""
+"""What `solve` and `reproduce` leave in the output folder: of a setup as soon as it is solved, the overview at last."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ from pkmsea.views.figures import overview, save_figure
 from pkmsea.views.playback import write_page
 
 
-def save_all(solutions: Sequence[Solution], folder: Path, failed: Sequence[str] = ()) -> list[Path]:
-    """Write one figure of all setups, those that failed by name, and a playback page per setup; returns the paths."""
-    paths = [save_figure(overview(solutions, failed), folder / "overview.png")]
-    return paths + [write_page(solution, folder / f"{setup_file(solution)}.html") for solution in solutions]
+def save_result(solution: Solution, folder: Path) -> list[Path]:
+    """Write the result file of a setup and its playback page."""
+    name = setup_file(solution)
+    return [solution.save(folder / f"{name}.nc"), write_page(solution, folder / f"{name}.html")]
+
+
+def save_overview(solutions: Sequence[Solution], folder: Path, failed: Sequence[str] = ()) -> Path:
+    """Write one figure of all setups, those that failed by name."""
+    return save_figure(overview(solutions, failed), folder / "overview.png")
