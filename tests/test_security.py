@@ -29,7 +29,6 @@ from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load
 from pkmsea.task import Task, load_task
 from pkmsea.transcription import compiled
-from pkmsea.views import setup_file
 from pkmsea.views.figures import overview, save_figure
 from pkmsea.views.playback import write_page
 from pkmsea.views.server import serve
@@ -127,11 +126,11 @@ def test_names_are_only_names(solved: Solution, tmp_path: Path, monkeypatch: pyt
     for function in (compiled.kernels, compiled._folder):
         function.cache_clear()
     monkeypatch.setattr(compiled, "_build", lambda f, *rest: (written.extend(x.name() for x in f), build(f, *rest)))
-    again = solve(solved.problem.task, workers=1)
+    again = solve(solved.problem, workers=1)
     assert again.energy == pytest.approx(solved.energy, rel=1e-9)
     assert all(name.isidentifier() for name in written)
     out = tmp_path / "out"
-    name = setup_file(again)
+    name = file_name(again.name)
     load(again.save(out / f"{name}.nc"))
     save_figure(overview([again]), out / f"{name}.png")
     for command in (["check", str(again.problem.actuation.mechanism.folder)], ["verify", str(out / f"{name}.nc")]):

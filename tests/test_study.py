@@ -175,7 +175,7 @@ class Deadly:
 
 
 def test_a_killed_worker_costs_no_point(tmp_path: Path) -> None:
-    more = iter([[Job(("all", "elastic", point, 0), {}, "", None) for point in some] for some in (range(4), (4, 5))])
+    more = iter([[Job(("all", "elastic", point, 0), {}, None) for point in some] for some in (range(4), (4, 5))])
     rows = list(pool.Pool(2).unordered(Deadly(tmp_path / "mark"), lambda: next(more, []), lambda job: {}))
     assert sorted(row["point"] for row in rows) == list(range(6))
 
@@ -196,8 +196,8 @@ def test_a_key_is_ready_once_all_that_it_waits_for_is_settled() -> None:
 
 
 def test_an_unexpected_error_is_a_row() -> None:
-    row = solve_point(Job(("all", "elastic", 0, 0), {"c": 1.0}, "{}", None))
-    assert row["status"] == "failed" and "ValidationError" in row["reason"]
+    row = solve_point(Job(("all", "elastic", 0, 0), {"c": 1.0}, None))
+    assert row["status"] == "failed" and "AttributeError" in row["reason"]
 
 
 def test_command(tmp_path: Path) -> None:

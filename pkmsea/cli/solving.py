@@ -22,9 +22,9 @@ def solve(
 ) -> None:
     """Solve a task: every setup that it lists, side by side."""
     ending.hold()
-    from pkmsea import solution, views
+    from pkmsea import solution
     from pkmsea.errors import PkmseaError, SolveError
-    from pkmsea.files import check_writable
+    from pkmsea.files import check_writable, file_name
     from pkmsea.problem import build_problem
     from pkmsea.task import load_task
     from pkmsea.views import records, tables
@@ -32,8 +32,7 @@ def solve(
 
     loaded = load_task(task) if starts is None else load_task(task).with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
-    for name in names:
-        build_problem(loaded, name)  # bad input of any setup is told before the first is solved
+    problems = {name: build_problem(loaded, name) for name in names}  # bad input is told before the first is solved
     if out is not None:
         check_writable(out)
     solved: list[solution.Solution] = []
@@ -43,16 +42,16 @@ def solve(
     written: list[Path] = []
     with tables.progress(quiet=json_) as report:
         for name in names:
-            count = (loaded.setup(name).options or loaded.options).starts
+            count = problems[name].options.starts
             try:
                 with ending.interruptible():
                     solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
                 if out is not None:
-                    written.append(solved[-1].save(out / f"{views.file_name(name, among)}.nc"))
+                    written.append(solved[-1].save(out / f"{file_name(name, among)}.nc"))
                 ending.stop_if(solved[-1].interrupted)
             except SolveError as error:
                 failures[name] = error
-                if out is not None and (old := out / f"{views.file_name(name, among)}.nc").exists():
+                if out is not None and (old := out / f"{file_name(name, among)}.nc").exists():
                     typer.echo(f"{old} is of an earlier run; '{name}' has failed now", err=True)
             except (PkmseaError, KeyboardInterrupt) as error:
                 stopped = error
@@ -63,7 +62,7 @@ def solve(
     elif solved:
         tables.print_solutions(solved, reference, failures)
     if solved and out is not None:
-        tell_written(written + save_all(solved, out, list(failures)), json_)
+        tell_written(written + save_all(solved, out, among, list(failures)), json_)
     end(failures, stopped)
 
 
@@ -79,9 +78,8 @@ def reproduce(
 ) -> None:
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
     ending.hold()
-    from pkmsea import views
     from pkmsea.errors import PkmseaError, SolveError
-    from pkmsea.files import check_writable
+    from pkmsea.files import check_writable, file_name
     from pkmsea.paper.reproduce import TABLES, Row, paper_task
     from pkmsea.paper.reproduce import reproduce as rows_of
     from pkmsea.views import records, tables
@@ -100,6 +98,9 @@ def reproduce(
             count = starts or paper_task(number).options.starts
             report(f"table {number}, {name}", count)(start)
 
+        def setups_of(number: int) -> list[str]:
+            return [setup.name for setup in paper_task(number).setups]
+
         def fail(*what: Any) -> None:
             failures[what[:2]] = what[2]
 
@@ -108,7 +109,7 @@ def reproduce(
             for row in ending.each(found):
                 rows.append(row)
                 if out is not None:
-                    path = out / f"table_{row.table}" / f"{views.setup_file(row.solution)}.nc"
+                    path = out / f"table_{row.table}" / f"{file_name(row.setup, setups_of(row.table))}.nc"
                     written.append(row.solution.save(path))
                 ending.stop_if(row.solution.interrupted)
         except (PkmseaError, KeyboardInterrupt) as error:
@@ -121,7 +122,6 @@ def reproduce(
         tell_written(written, json_)
         for number in sorted({row.table for row in rows}):
             of_table = [row.solution for row in rows if row.table == number]
-            tell_written(
-                save_all(of_table, out / f"table_{number}", [name for n, name in failures if n == number]), json_
-            )
+            failed = [name for n, name in failures if n == number]
+            tell_written(save_all(of_table, out / f"table_{number}", setups_of(number), failed), json_)
     end(failures, stopped)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -11,11 +12,9 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 
 from pkmsea.errors import SolveError
-from pkmsea.problem import build_problem
 from pkmsea.solver.ipopt import Outcome, solve_nlp
 from pkmsea.solver.processes import available_cores, once, unordered
-from pkmsea.task import Task
-from pkmsea.transcription import Motion, Transcription, transcribe
+from pkmsea.transcription import Motion, Transcription
 
 SCREENING, SHARPENING, LAST = slice(0, 2), slice(2, None), slice(-1, None)  # of an NLP's steps
 CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that need more end badly
@@ -24,7 +23,6 @@ AGREEING = 8  # starts that find one optimum between them are enough
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
 Progress = Callable[["Start"], None]
-Key = tuple[str, str | None, str]  # task as JSON, its file, name of the setup
 T = TypeVar("T")
 
 
@@ -193,9 +191,10 @@ def collect(results: Iterator[T], progress: Callable[[T], None] | None = None) -
 
 
 def spread(transcription: Transcription, workers: int | None, calls: list[tuple[Callable[..., T], Any]]) -> Iterator[T]:
-    """Run calls (function, argument) on a transcription here, or on several processes that each build their own.
+    """Run calls (function, argument) on a transcription here, or on several processes.
 
-    Where a process dies, the calls that are not done run again in fresh ones.
+    They get it as a pickle of what it is made of, and each builds it once. Where a process dies, the calls that are not
+    done run again in fresh ones.
 
     Raises
     ------
@@ -204,23 +203,26 @@ def spread(transcription: Transcription, workers: int | None, calls: list[tuple[
     jobs = min(workers or available_cores(), len(calls))
     if jobs <= 1:
         return (function(transcription, argument) for function, argument in calls)
-    task, setup = transcription.problem.task, transcription.problem.setup.name
-    key = (task.model_dump_json(), str(task.file) if task.file else None, setup)
-    arguments = {number: (key, *call) for number, call in enumerate(calls)}
-    return (result for _, result in unordered(_remote, once(arguments), jobs, partial(_died, task, setup)))
+    content = pickle.dumps(transcription)
+    arguments = {number: (content, *call) for number, call in enumerate(calls)}
+    lost = partial(_died, transcription.problem.name)
+    return (result for _, result in unordered(_remote, once(arguments), jobs, lost))
 
 
-def _died(task: Task, setup: str, number: int) -> NoReturn:
+def _died(name: str, number: int) -> NoReturn:
     raise SolveError(
         "A worker process has died again and again: something has killed it, or the memory is full.",
-        "Run again with fewer processes (--workers), and free memory.", file=task.file, key=f"setup '{setup}'",
-    )  # fmt: skip
+        "Run again with fewer processes (--workers), and free memory.",
+        key=f"setup '{name}'",
+    )
 
 
-def _remote(key: Key, function: Callable[..., T], argument: Any) -> T:
-    return function(_cached(*key), argument)
+def _remote(content: bytes, function: Callable[..., T], argument: Any) -> T:
+    return function(_built(content), argument)
 
 
 @lru_cache(maxsize=4)
-def _cached(task_json: str, file: str | None, setup: str) -> Transcription:
-    return transcribe(build_problem(Task.model_validate_json(task_json).read_from(file), setup))
+def _built(content: bytes) -> Transcription:
+    """The transcription of a pickle, built once per process; equal pickles are told by their content."""
+    transcription: Transcription = pickle.loads(content)
+    return transcription
