@@ -17,7 +17,7 @@ from pkmsea.problem import Problem, build_problem, task_of
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load
 from pkmsea.solver import multistart
-from pkmsea.solver.multistart import _built, spread
+from pkmsea.solver.spread import _built, spread
 from pkmsea.study.point import Job, solve_point
 from pkmsea.study.pool import Pool
 from pkmsea.task import Limits, OperatingPoint, Payload, Spline, Task, TaskLimits
@@ -69,6 +69,7 @@ def test_it_refuses_what_does_not_fit(slider: Problem) -> None:
         (arms, {"drives": arms.drives * 2}, InputError, "drives"),
         (arms, {"payload": Payload(mass=1, pick=1, place=3)}, InputError, "payload"),
         (arms, {"limits": unknown}, InputError, "limits.joints"),
+        (arms, {"name": "a\nb"}, InputError, "name"),
     ]
     for problem, change, kind, key in faults:
         with pytest.raises(kind) as caught:
@@ -178,6 +179,8 @@ def test_solve_takes_every_step_of_the_way(tmp_path: Path) -> None:
     assert energies == pytest.approx([energies[0]] * len(ways), rel=SAME)
     with pytest.raises(InputError, match="Only a task has setups"):
         pkmsea.solve(problem, "setup")
+    with pytest.raises(InputError, match="Give the path of a task file, a Task, a Problem or a Transcription"):
+        pkmsea.solve(problem.cycle)  # type: ignore[arg-type]
 
 
 def test_errors_of_a_solve_name_the_task_file(tmp_path: Path) -> None:

@@ -14,11 +14,15 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from pkmsea.actuation import Actuation, Drive
 from pkmsea.errors import InputError, Unreachable, one_line
+from pkmsea.files import Name
 from pkmsea.mechanism import Mechanism
 from pkmsea.task import Cycle, OperatingPoint, Options, Payload, TaskLimits
+
+NAME = TypeAdapter(Name)  # result files and figures have it
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,8 @@ class Problem:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "title", self.title or self.name)
+        for key in ("name", "title"):
+            self._check_name(key)
         one_for_all = len(self.mechanism.actuated) if len(self.drives) == 1 else 1
         object.__setattr__(self, "drives", tuple(self.drives) * one_for_all)
         axes = self.mechanism.sidecar.end_effector.coordinates
@@ -83,6 +89,13 @@ class Problem:
                 raise InputError(f"{error}.", "Correct it.", key="payload") from None
         for derived in ("actuation", "bounds"):  # they raise where something does not fit
             getattr(self, derived)
+
+    def _check_name(self, key: str) -> None:
+        try:
+            NAME.validate_python(getattr(self, key))
+        except ValidationError as error:
+            what = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise InputError(f"{what}.", "Choose another one.", key=key, value=getattr(self, key)) from None
 
     def __hash__(self) -> int:
         return hash((self.name, self.mechanism, self.drives, self.cycle))

@@ -11,7 +11,8 @@ from pkmsea.problem import Problem, build_problem
 from pkmsea.solution.refine import Refined, refine, unrefined
 from pkmsea.solution.solution import Solution
 from pkmsea.solver import Outcome, Start, multistart
-from pkmsea.solver.multistart import Progress, collect, distinct, restart, spread
+from pkmsea.solver.multistart import Progress, distinct, restart
+from pkmsea.solver.spread import collect, spread
 from pkmsea.task import Task, load_task
 from pkmsea.transcription import Transcription, transcribe
 
@@ -61,7 +62,15 @@ def _transcribed(source: Task | Problem | Transcription, setup: str | None) -> T
         source = build_problem(source, setup)
     elif setup is not None:
         raise InputError("Only a task has setups.", "Leave the setup out.", key="setup", value=setup)
-    return source if isinstance(source, Transcription) else transcribe(source)
+    if isinstance(source, Problem):
+        return transcribe(source)
+    if not isinstance(source, Transcription):
+        raise InputError(
+            "This cannot be solved.",
+            "Give the path of a task file, a Task, a Problem or a Transcription.",
+            value=source,
+        )
+    return source
 
 
 def chosen(
