@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pkmsea.solver import Optimality, Optimum
     from pkmsea.study import Study, StudyResult, load_study, run_study
     from pkmsea.study.calibrate import calibrate
-    from pkmsea.task import Task, load_task
+    from pkmsea.task import Cycle, Limits, OperatingPoint, Options, Setup, Task, load_task
     from pkmsea.transcription import Transcription, transcribe
     from pkmsea.verification import Verification, verify
 
@@ -30,16 +30,17 @@ _WHERE = {
     "export": "solution.export", "load_solution": "solution.store:load",
     "Optimality": "solver", "Optimum": "solver",
     "Study": "study", "StudyResult": "study", "calibrate": "study", "load_study": "study", "run_study": "study",
-    "Task": "task", "load_task": "task",
+    "Cycle": "task", "Limits": "task", "OperatingPoint": "task", "Options": "task", "Setup": "task", "Task": "task",
+    "load_task": "task",
     "Transcription": "transcription", "transcribe": "transcription",
     "Verification": "verification", "verify": "verification",
 }  # fmt: skip
 
 __all__ = [
-    "Actuation", "Audit", "Drive", "Mechanism", "Optimality", "Optimum", "PkmseaError", "Problem", "Solution", "Study",
-    "StudyResult", "Task", "Transcription", "Verification", "build_problem", "calibrate", "export", "flat_map",
-    "load_mechanism", "load_solution", "load_study", "load_task", "run_study", "solve", "solve_all", "transcribe",
-    "verify",
+    "Actuation", "Audit", "Cycle", "Drive", "Limits", "Mechanism", "OperatingPoint", "Optimality", "Optimum", "Options",
+    "PkmseaError", "Problem", "Setup", "Solution", "Study", "StudyResult", "Task", "Transcription", "Verification",
+    "build_problem", "calibrate", "export", "flat_map", "load_mechanism", "load_solution", "load_study", "load_task",
+    "run_study", "solve", "solve_all", "transcribe", "verify",
 ]  # fmt: skip
 
 

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +29,30 @@ class PkmseaError(Exception):
         self.cause, self.remedy, self.file, self.key, self.value = cause, remedy, file, key, value
         super().__init__(cause, remedy)
 
+    def __repr__(self) -> str:
+        return one_line(f"{type(self).__name__}({str(self)!r})")
+
     def __str__(self) -> str:
         where = [str(self.file)] if self.file is not None else []
         if self.key is not None:
-            where.append(self.key if self.value is None else f"{self.key} = {_short(self.value)}")
+            where.append(self.key if self.value is None else f"{self.key} = {one_line(repr(self.value), 80)}")
         place = ", ".join(where)
         return (f"{place}: " if place else "") + f"{self.cause} {self.remedy}"
 
 
-def _short(value: Any, limit: int = 80) -> str:
-    text = repr(value)
+@contextmanager
+def blaming(file: str | Path | None) -> Iterator[None]:
+    """Errors of pkmsea that name no file name this one."""
+    try:
+        yield
+    except PkmseaError as error:
+        error.file = file if error.file is None else error.file
+        raise
+
+
+def one_line(text: str, limit: int = 160) -> str:
+    """A text on one line, cut where it is too long."""
+    text = " ".join(text.split())
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Self, TypeVar, get_args
 import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
 
-from pkmsea.errors import InputError
+from pkmsea.errors import InputError, one_line
 
 MAX_BYTES = 1_000_000  # a mechanism or task file has a few kB; more is not one of ours
 MAX_DEPTH = 20  # lists and mappings inside each other; a task file has 7
@@ -30,6 +30,15 @@ class Record(BaseModel):
     """Base of all file records: frozen, no unknown keys, no NaN or infinity."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
+        """What differs from the defaults."""
+        for name, field in type(self).model_fields.items():
+            if (value := getattr(self, name)) != field.get_default(call_default_factory=True, validated_data={}):
+                yield name, value
+
+    def __repr__(self) -> str:
+        return one_line(super().__repr__())
 
 
 class FromFile(Record):

@@ -56,6 +56,9 @@ def actuation(mechanism: Mechanism, drives: list[dict]) -> Actuation:
         ("pkm_2rrr", [ELASTIC] * 2, (4, 4)),
         ("pkm_3rrr", [ELASTIC] * 3, (4, 4, 2)),
         ("pkm_3rrr", [RIGID] * 3, (2, 2, 0)),
+        ("linear_axis_1", [SLIDER_ELASTIC | {"damping": 1.0}], (3,)),  # the spring passes the motor's speed on
+        ("linear_axis_2", [SLIDER_ELASTIC | {"damping": 1.0}] * 2, (3, 1)),
+        ("pkm_3rrr", [ELASTIC | {"damping": 1e-3}] * 3, (3, 3, 1)),
     ],
 )
 def test_relative_degree(mechanisms: dict[str, Mechanism], name: str, drives: list, degree: tuple) -> None:

@@ -28,6 +28,13 @@ def test_imports_point_upstream() -> None:
     assert not wrong, wrong
 
 
+def test_a_problem_knows_no_file() -> None:
+    """Files and tasks become problems in `build` alone."""
+    tree = ast.parse((ROOT / "problem" / "problem.py").read_text())
+    names = {name.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for name in node.names}
+    assert not names & {"Path", "Task", "Setup", "read", "load_task", "load_mechanism"}
+
+
 def test_only_the_solver_knows_ipopt() -> None:
     knowing = [p for p in ROOT.rglob("*.py") if "nlpsol" in p.read_text()]
     assert [p.relative_to(ROOT).as_posix() for p in knowing] == ["solver/ipopt.py"]

@@ -45,6 +45,13 @@ def test_first_cycle(tmp_path: Path) -> None:
     assert "verified" in run("first_cycle.py", tmp_path)
 
 
+def test_task_in_python(tmp_path: Path) -> None:
+    """With heavy rotors, springs leave three quarters of the energy (README: PKM SEA of table 4)."""
+    told = run("task_in_python.py", tmp_path)
+    assert "verified, verified" in told
+    assert float(told.split("%")[0].split()[-1]) == pytest.approx(74.5, abs=1.0)
+
+
 def test_transcriptions_study(tmp_path: Path) -> None:
     """Reduced: one case at the coarsest size. Finer grids than knots claim the truth, samples at the knots do not."""
     run("studies/transcriptions", tmp_path, "--quick", "-o", str(tmp_path))

@@ -29,7 +29,7 @@ from pkmsea.mechanism.urdf import find
 from pkmsea.problem import build_problem
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load
-from pkmsea.solver.multistart import spread
+from pkmsea.solver.spread import spread
 from pkmsea.transcription import Transcription, transcribe
 from pkmsea.views.figures import overview, save_figure
 from pkmsea.views.playback import write_page
@@ -262,7 +262,7 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
         "from conftest import SLIDER_RIGID, task\n"
         "from test_faults import TURNED, linger\n"
         "from pkmsea.problem import build_problem\n"
-        "from pkmsea.solver.multistart import spread\n"
+        "from pkmsea.solver.spread import spread\n"
         "from pkmsea.transcription import transcribe\n"
         "t = transcribe(build_problem(task('linear_axis_1', SLIDER_RIGID, options=TURNED)))\n"
         f"list(spread(t, 2, [(linger, Path({str(tmp_path)!r}))] * 2))\n"

@@ -35,7 +35,7 @@ def good() -> Solution:
 @pytest.fixture(scope="module")
 def bad(good: Solution) -> Solution:
     """Claims less than its motion takes."""
-    problem = replace(good.problem, setup=good.problem.task.setup("bad"))
+    problem = replace(good.problem, name="bad")
     return replace(good, problem=problem, claimed=0.9 * good.energy)
 
 

@@ -28,7 +28,6 @@ from pkmsea.problem import build_problem
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load
 from pkmsea.task import Task, load_task
-from pkmsea.views import setup_file
 from pkmsea.views.figures import overview, save_figure
 from pkmsea.views.playback import write_page
 from pkmsea.views.server import serve
@@ -120,10 +119,10 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Solution:
 def test_names_are_only_names(solved: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Solved, saved, drawn and printed: nothing is run, and nothing is written elsewhere."""
     monkeypatch.chdir(tmp_path)
-    again = solve(solved.problem.task, workers=1)
+    again = solve(solved.problem, workers=1)
     assert again.energy == pytest.approx(solved.energy, rel=1e-9)
     out = tmp_path / "out"
-    name = setup_file(again)
+    name = file_name(again.name)
     load(again.save(out / f"{name}.nc"))
     save_figure(overview([again]), out / f"{name}.png")
     for command in (["check", str(again.problem.actuation.mechanism.folder)], ["verify", str(out / f"{name}.nc")]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -174,7 +175,7 @@ class Deadly:
 
 
 def test_a_killed_worker_costs_no_point(tmp_path: Path) -> None:
-    more = iter([[Job(("all", "elastic", point, 0), {}, "", None) for point in some] for some in (range(4), (4, 5))])
+    more = iter([[Job(("all", "elastic", point, 0), {}, None) for point in some] for some in (range(4), (4, 5))])
     rows = list(pool.Pool(2).unordered(Deadly(tmp_path / "mark"), lambda: next(more, []), lambda job: {}))
     assert sorted(row["point"] for row in rows) == list(range(6))
 
@@ -195,8 +196,8 @@ def test_a_key_is_ready_once_all_that_it_waits_for_is_settled() -> None:
 
 
 def test_an_unexpected_error_is_a_row() -> None:
-    row = solve_point(Job(("all", "elastic", 0, 0), {"c": 1.0}, "{}", None))
-    assert row["status"] == "failed" and "ValidationError" in row["reason"]
+    row = solve_point(Job(("all", "elastic", 0, 0), {"c": 1.0}, None))
+    assert row["status"] == "failed" and "AttributeError" in row["reason"]
 
 
 def test_command(tmp_path: Path) -> None:
@@ -283,3 +284,24 @@ def test_changed_geometry(tmp_path: Path) -> None:
     np.testing.assert_allclose(rods[1].mass, 1.1 * rods[0].mass)
     np.testing.assert_allclose(rods[1].inertia, 1.1**3 * rods[0].inertia, rtol=1e-6)
     assert np.abs(after.closure_residual(after.seed)).max() < 1e-9
+
+
+def test_drives_are_found_in_the_files_as_they_are(tmp_path: Path) -> None:
+    """The sidecar names the drives in another order between two calls: each changes the drive that has the name."""
+    from conftest import RIGID
+
+    from pkmsea.mechanism.urdf import find
+    from pkmsea.study.changes import changed_task
+    from pkmsea.task import Task
+
+    robot = tmp_path / "robot"
+    shutil.copytree(find("pkm_2rrr"), robot)
+    setup = {"name": "arms", "mechanism": str(robot), "drives": [RIGID, RIGID]}
+    task = Task.model_validate(TASK | {"setups": [setup]})
+    sidecar = yaml.safe_load((robot / "mechanism.yaml").read_text())
+    changed = []
+    for order in (["A", "B"], ["B", "A"]):
+        (robot / "mechanism.yaml").write_text(yaml.safe_dump(sidecar | {"actuated": order}))
+        drives = changed_task(task, {"drives.B.inertia": 1.0}, tmp_path).setups[0].drives
+        changed.append([drive.inertia == 1.0 for drive in drives])
+    assert changed == [[False, True], [True, False]]

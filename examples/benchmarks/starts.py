@@ -22,7 +22,8 @@ from ours import NUMBERS
 from pkmsea.paper.reproduce import paper_task
 from pkmsea.problem import build_problem
 from pkmsea.solution.refine import refine
-from pkmsea.solver.multistart import collect, finish, run_start, spread
+from pkmsea.solver.multistart import finish, run_start
+from pkmsea.solver.spread import collect, spread
 from pkmsea.transcription import Transcription, transcribe
 
 SETUPS = ("PKM RD", "PKM SEA", "RAPKM RD", "RAPKM SEA")

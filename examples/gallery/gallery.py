@@ -32,7 +32,7 @@ def main() -> None:
     rows = [row(entry, solutions) for entry, solutions in zip(arguments.only, solved, strict=True)]
     (arguments.out / "gallery.md").write_text("\n".join([*head, *rows, ""]))
     draw(solved, arguments.out / "gallery.png")
-    unverified = [f"{s.problem.task.name}, {s.name}: {s.status}" for each in solved for s in each if not s.verified]
+    unverified = [f"{s.problem.title}, {s.name}: {s.status}" for each in solved for s in each if not s.verified]
     if unverified:
         sys.exit("\n".join(unverified))
 
@@ -42,7 +42,7 @@ def row(entry: str, solutions: list[pkmsea.Solution]) -> str:
     rigid, *elastic = solutions
     mechanism = rigid.problem.actuation.mechanism
     relative = ", ".join(f"{s.name} {s.energy / rigid.energy:.1%}" for s in elastic).replace("%", " %")
-    name = f"[{rigid.problem.task.name}]({entry}/task.yaml)"
+    name = f"[{rigid.problem.title}]({entry}/task.yaml)"
     return f"| {name} | {mechanism.mobility} | {len(mechanism.actuated)} | {rigid.energy:.3g} | {relative} |"
 
 

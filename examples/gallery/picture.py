@@ -40,7 +40,7 @@ def draw(solved: list[list[pkmsea.Solution]], path: Path) -> None:
     *cells, last = figure.subfigures(rows, COLUMNS).ravel()
     for cell, solutions in zip(cells, solved, strict=False):
         above, below = cell.subplots(2, 1, height_ratios=(3, 1))
-        cell.suptitle(solutions[0].problem.task.name, fontsize=12)
+        cell.suptitle(solutions[0].problem.title, fontsize=12)
         sketch(above, solutions)
         bars(below, solutions)
     last.text(0.08, 0.55, KEY, fontsize=11, va="center")

@@ -19,9 +19,8 @@ def changed(solution: pkmsea.Solution, stiffness: float, payload: float) -> pkms
     problem, motion = solution.problem, solution.motion
     mass = payload * sum(inertia.mass for inertia in list(problem.actuation.mechanism.model.inertias)[1:])
     carried = Payload(mass=mass) if mass else None
-    task = problem.task.model_copy(update={"payload": carried})
     softer = replace(motion, stiffness=motion.stiffness * stiffness)
-    return replace(solution, problem=pkmsea.build_problem(task, solution.name), motion=softer)
+    return replace(solution, problem=replace(problem, payload=carried), motion=softer)
 
 
 @dataclass(frozen=True, eq=False)

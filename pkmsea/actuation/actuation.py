@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.actuation.drive import Drive, as_range
-from pkmsea.errors import InputError
+from pkmsea.errors import InputError, one_line
 from pkmsea.mechanism import Mechanism, pose
 
 RIGID_PENALTY = 0.1
@@ -76,7 +76,7 @@ class Parameter:
 NUMBERS = ("inertia", "friction", "coulomb", "coulomb_width", "cubic")  # r holds each for all drives
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Actuation:
     """A mechanism with m drives; rigid and series elastic ones may be mixed, and m may exceed the mobility delta.
 
@@ -107,6 +107,10 @@ class Actuation:
                 "to choose.",
                 "Add drives under 'actuated' in mechanism.yaml.", key="actuated",
             )  # fmt: skip
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(f"{label} {drive.kind}" for label, drive in zip(self.labels, self.drives, strict=True))
+        return one_line(f"<Actuation of '{self.mechanism.name}', drives: {kinds}>")
 
     @property
     def m(self) -> int:

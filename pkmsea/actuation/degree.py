@@ -14,16 +14,18 @@ MAX_DEGREE = 6
 def relative_degree(actuation: Actuation) -> tuple[int, ...]:
     """Smallest r_i such that d^r_i y_i / dt^r_i depends on tau; the decoupling matrix must have full rank.
 
-    State (q, v_ind, q_M, v_M), input tau; equations of the paper, eq. (EOMAll) and (EOMRD), for any mixture.
+    State (q, v_ind, q_M, v_M), input tau; equations of the paper, eq. (EOMAll) and (EOMRD), for any mixture, with
+    u = c e + c_3 e^3 + d_s de/dt of a spring wound by e = q_M - q_A: a damped one passes the motor's speed on.
     """
     mechanism, m = actuation.mechanism, actuation.m
     n, delta = mechanism.model.nq, mechanism.mobility
     q, v_ind, tau = ca.SX.sym("q", n), ca.SX.sym("v_ind", delta), ca.SX.sym("tau", m)
     q_M, v_M = ca.SX.sym("q_M", m), ca.SX.sym("v_M", m)
-    x, dx = _forward(actuation, q, v_ind, q_M, v_M, tau)
+    x, dx, u = _forward(actuation, q, v_ind, q_M, v_M, tau)
     r_E = mechanism.functions["end_effector"](q)
     outputs = [r_E[i] for i in range(delta)]
-    outputs += [q_M[i] if actuation.drives[i].elastic else tau[i] for i in actuation.free]
+    for i in actuation.free:
+        outputs.append(u[i] if i in actuation.damped else q_M[i] if actuation.drives[i].elastic else tau[i])
     rng = np.random.default_rng(0)
     state = np.concatenate([mechanism.seed, rng.normal(size=delta), rng.normal(size=2 * m)])
     degrees, decoupling = [], []
@@ -34,8 +36,8 @@ def relative_degree(actuation: Actuation) -> tuple[int, ...]:
     scaled = np.array(decoupling) / np.abs(decoupling).max(axis=1, keepdims=True)
     if np.linalg.matrix_rank(scaled, tol=1e-8) < m:
         raise MechanismError(
-            "This flat output has no vector relative degree: its decoupling matrix is singular, because rigid and "
-            "elastic drives act on the same motion.",
+            "This flat output has no vector relative degree: its decoupling matrix is singular, because drives "
+            "of several kinds (rigid, elastic, damped) act on the same motion.",
             "The flat map holds all the same; nothing needs to be done to solve such a task.",
         )
     return tuple(degrees)
@@ -54,8 +56,10 @@ def _first_gain(y: ca.SX, x: ca.SX, dx: ca.SX, tau: ca.SX, state: np.ndarray) ->
     )
 
 
-def _forward(actuation: Actuation, q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.SX, tau: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """State x and its derivative; motor states of rigid drives stay unused."""
+def _forward(
+    actuation: Actuation, q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.SX, tau: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """State x, its derivative, and the forces u on the joints (m,); motor states of rigid drives stay unused."""
     mechanism = actuation.mechanism
     f = mechanism.functions
     M, g, H = f["mass_matrix"](q), f["bias"](q, v_ind), f["velocity_map"](q)
@@ -66,13 +70,15 @@ def _forward(actuation: Actuation, q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.S
     u, dv_M = [], []
     for i, drive in enumerate(actuation.drives):
         if drive.elastic:
-            c = drive.stiffness_range[0]
-            u.append(c * (q_M[i] - q[mechanism.actuated[i]]))
+            wound = q_M[i] - q[mechanism.actuated[i]]
+            elastic = drive.stiffness_range[0] * wound + drive.cubic * wound**3
+            u.append(elastic + drive.damping * (v_M[i] - v_A[i]))
             dv_M.append((tau[i] - drive.friction * v_M[i] - u[i]) / max(drive.inertia, 1e-12))
         else:
             u.append(tau[i] - drive.friction * v_A[i] - drive.inertia * drift[i])
             dv_M.append(ca.SX(0))
     total = M + ca.mtimes([H_A.T, ca.diag(inertia), H_A])
-    dv_ind = ca.solve(total, ca.mtimes(H_A.T, stack(u)) - g)
+    forces = stack(u)
+    dv_ind = ca.solve(total, ca.mtimes(H_A.T, forces) - g)
     x = ca.vertcat(q, v_ind, q_M, v_M)
-    return x, ca.vertcat(ca.mtimes(H, v_ind), dv_ind, v_M, stack(dv_M))
+    return x, ca.vertcat(ca.mtimes(H, v_ind), dv_ind, v_M, stack(dv_M)), forces

@@ -22,9 +22,9 @@ def solve(
 ) -> None:
     """Solve a task: every setup that it lists, side by side."""
     ending.hold()
-    from pkmsea import solution, views
+    from pkmsea import solution
     from pkmsea.errors import PkmseaError, SolveError
-    from pkmsea.files import check_writable
+    from pkmsea.files import check_writable, file_name
     from pkmsea.problem import build_problem
     from pkmsea.task import load_task
     from pkmsea.views import records, tables
@@ -32,8 +32,7 @@ def solve(
 
     loaded = load_task(task) if starts is None else load_task(task).with_starts(starts)
     names = setup or [s.name for s in loaded.setups]
-    for name in names:
-        build_problem(loaded, name)  # bad input of any setup is told before the first is solved
+    problems = {name: build_problem(loaded, name) for name in names}  # bad input is told before the first is solved
     if out is not None:
         check_writable(out)
     solved: list[solution.Solution] = []
@@ -43,16 +42,16 @@ def solve(
     written: list[Path] = []
     with tables.progress(quiet=json_) as report:
         for name in names:
-            count = (loaded.setup(name).options or loaded.options).starts
+            count = problems[name].options.starts
             try:
                 with ending.interruptible():
                     solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
                 if out is not None:
-                    written += save_result(solved[-1], out)
+                    written += save_result(solved[-1], out, among)
                 ending.stop_if(solved[-1].interrupted)
             except SolveError as error:
                 failures[name] = error
-                if out is not None and (old := out / f"{views.file_name(name, among)}.nc").exists():
+                if out is not None and (old := out / f"{file_name(name, among)}.nc").exists():
                     typer.echo(f"{old} is of an earlier run; '{name}' has failed now", err=True)
             except (PkmseaError, KeyboardInterrupt) as error:
                 stopped = error
@@ -99,6 +98,9 @@ def reproduce(
             count = starts or paper_task(number).options.starts
             report(f"table {number}, {name}", count)(start)
 
+        def setups_of(number: int) -> list[str]:
+            return [setup.name for setup in paper_task(number).setups]
+
         def fail(*what: Any) -> None:
             failures[what[:2]] = what[2]
 
@@ -107,7 +109,7 @@ def reproduce(
             for row in ending.each(found):
                 rows.append(row)
                 if out is not None:
-                    written += save_result(row.solution, out / f"table_{row.table}")
+                    written += save_result(row.solution, out / f"table_{row.table}", setups_of(row.table))
                 ending.stop_if(row.solution.interrupted)
         except (PkmseaError, KeyboardInterrupt) as error:
             stopped = error

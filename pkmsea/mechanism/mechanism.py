@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import pickle
+import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
+from weakref import WeakValueDictionary
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions
+from pkmsea.errors import one_line
 from pkmsea.mechanism import pose
 from pkmsea.mechanism.sidecar import Sidecar
 
@@ -40,12 +44,13 @@ class Origin:
     conditioning: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mechanism:
     """A mechanism without its drives: M(q) a_ind + g(q, v_ind) = H_A^T u (paper, section 4.1.1).
 
     All joint coordinates q have n entries, the minimal coordinates q_A,ind have delta, the drives' joints q_A have m.
-    Revolute coordinates are in rad, prismatic ones in m; forces follow in N m and N.
+    Revolute coordinates are in rad, prismatic ones in m; forces follow in N m and N. Copies of one mechanism that come
+    into a process are one object there, so that what is built for it, and kept by it, is built once.
 
     Attributes
     ----------
@@ -62,12 +67,25 @@ class Mechanism:
     folder: Path
     sidecar: Sidecar
     model: pin.Model
-    urdf: str = field(repr=False)
-    tree: TreeFunctions = field(repr=False)
-    functions: dict[str, ca.Function] = field(repr=False)
-    seed: np.ndarray = field(repr=False)
+    urdf: str
+    tree: TreeFunctions
+    functions: dict[str, ca.Function]
+    seed: np.ndarray
     mobility: int
     origin: Origin
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return shared, (self._pickled,)
+
+    @cached_property
+    def _pickled(self) -> bytes:
+        content = zlib.compress(pickle.dumps([getattr(self, field.name) for field in fields(self)]), 1)
+        _known.setdefault(content, self)
+        return content
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.joints)} joints, mobility {self.mobility}, {len(self.actuated)} drives"
+        return one_line(f"<Mechanism '{self.name}': {counts}, {self.actuation_class}>")
 
     @property
     def joints(self) -> list[str]:
@@ -145,3 +163,16 @@ class Mechanism:
 
     def _call(self, function: str, *arguments: np.ndarray) -> np.ndarray:
         return np.array(self.functions[function](*arguments))
+
+
+_known: WeakValueDictionary[bytes, Mechanism] = WeakValueDictionary()  # by pickled content
+
+
+def shared(content: bytes) -> Mechanism:
+    """The mechanism of this pickled content: the one that this process has already, or a new one."""
+    mechanism = _known.get(content)
+    if mechanism is None:
+        mechanism = Mechanism(*pickle.loads(zlib.decompress(content)))
+        mechanism.__dict__["_pickled"] = content
+        _known[content] = mechanism
+    return mechanism

@@ -1,4 +1,4 @@
-"""The optimal control problem of one setup, before any discretisation (paper, section 4.3).
+"""The optimal control problem of one robot and one cycle, before any discretisation (paper, section 4.3).
 
 min over y(t), c   E = integral over one period of max(P, 0),   P = sum_i tau_i v_i + kappa_i tau_i^2
 subject to         the robot's equations of motion (through its flat output y), y periodic,
@@ -7,20 +7,22 @@ subject to         the robot's equations of motion (through its flat output y), 
 
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from itertools import product
-from pathlib import Path
+from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from pkmsea.actuation import Actuation, Drive
-from pkmsea.errors import InputError, Unreachable
-from pkmsea.mechanism import Mechanism, load_mechanism
-from pkmsea.mechanism.urdf import find, shipped
-from pkmsea.task import Cycle, Options, Setup, Task
-from pkmsea.task.task import TaskLimits
+from pkmsea.errors import InputError, Unreachable, one_line
+from pkmsea.files import Name
+from pkmsea.mechanism import Mechanism
+from pkmsea.task import Cycle, OperatingPoint, Options, Payload, TaskLimits
+
+NAME = TypeAdapter(Name)  # result files and figures have it
 
 
 @dataclass(frozen=True)
@@ -37,23 +39,91 @@ class Bound:
     upper: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, repr=False)
 class Problem:
-    """One setup's problem: the robot, its cycle and its bounds."""
+    """What is to be solved, as a value: it knows no file, changes by `dataclasses.replace`, and pickles as it is.
 
-    task: Task
-    setup: Setup
-    actuation: Actuation
-    bounds: tuple[Bound, ...]
+    What follows from these fields (`actuation`, `bounds`, `kappa`) follows from them after every change.
 
-    @property
-    def cycle(self) -> Cycle:
-        return self.task.cycle
+    Attributes
+    ----------
+    name : of this robot among those that perform the same cycle, and `title`, of all of them together.
+    mechanism : the robot without its drives.
+    drives : one per actuated joint (m), or one for all of them; seen from the motor where they have a `gear_ratio`.
+    cycle, limits, payload : what the end effector does, must keep to, and carries.
+    options : how it is solved.
 
-    @property
-    def options(self) -> Options:
-        """The setup's own options, else the task's."""
-        return self.setup.options or self.task.options
+    Raises
+    ------
+    InputError : these do not fit each other. Unreachable : an operating point, or a corner of its window.
+    Keys of these errors are paths from here, such as cycle.points.0.at.
+    """
+
+    name: str
+    mechanism: Mechanism
+    drives: tuple[Drive, ...]
+    cycle: Cycle
+    limits: TaskLimits = field(default_factory=TaskLimits)
+    payload: Payload | None = None
+    options: Options = field(default_factory=Options)
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "title", self.title or self.name)
+        for key in ("name", "title"):
+            self._check_name(key)
+        one_for_all = len(self.mechanism.actuated) if len(self.drives) == 1 else 1
+        object.__setattr__(self, "drives", tuple(self.drives) * one_for_all)
+        axes = self.mechanism.sidecar.end_effector.coordinates
+        if len(self.cycle.points[0].at) != len(axes):
+            raise InputError(
+                f"The operating points have {len(self.cycle.points[0].at)} coordinates, but the end effector of "
+                f"'{self.mechanism.name}' moves along {', '.join(map(str, axes))}.",
+                f"Give {len(axes)} coordinates.",
+                key="cycle.points",
+            )
+        if self.payload is not None:
+            try:
+                self.payload.check(self.cycle)
+            except ValueError as error:
+                raise InputError(f"{error}.", "Correct it.", key="payload") from None
+        for derived in ("actuation", "bounds"):  # they raise where something does not fit
+            getattr(self, derived)
+
+    def _check_name(self, key: str) -> None:
+        try:
+            NAME.validate_python(getattr(self, key))
+        except ValidationError as error:
+            what = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise InputError(f"{what}.", "Choose another one.", key=key, value=getattr(self, key)) from None
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.mechanism, self.drives, self.cycle))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(f"{count} {kind}" for kind, count in Counter(drive.kind for drive in self.drives).items())
+        what = f"{self.mechanism.name}, drives: {kinds}, {len(self.cycle.points)} points in {self.cycle.period:g} s"
+        return one_line(f"<Problem '{self.name}': {what}, {len(self.bounds)} bounds>")
+
+    @cached_property
+    def actuation(self) -> Actuation:
+        """The mechanism with its drives, all numbers seen at the output side of the gears."""
+        drives = tuple(drive.at_output() for drive in self.drives)
+        payload = None if self.payload is None else self.payload.mass_over(self.cycle)
+        return Actuation(self.mechanism, drives, _poses(self.mechanism, self.cycle.points), payload)
+
+    @cached_property
+    def bounds(self) -> tuple[Bound, ...]:
+        """Limits of the end effector, the joints and the drives."""
+        axes = [str(axis) for axis in self.mechanism.sidecar.end_effector.coordinates]
+        return (
+            *_bounds("end_effector", ("r_E", "dr_E", "ddr_E"), axes, self.limits),
+            *_bounds("joints", ("q", "dq", "ddq"), self.mechanism.joints, self.limits),
+            *_drive_bounds(self.actuation),
+        )
 
     @property
     def kappa(self) -> np.ndarray:
@@ -63,7 +133,7 @@ class Problem:
     @property
     def gear_ratios(self) -> tuple[float | None, ...]:
         """Motor turns per output turn of each drive (m); None where its numbers were given at the output side."""
-        return tuple(drive.gear_ratio for drive in _per_joint(self.setup, self.actuation.m))
+        return tuple(drive.gear_ratio for drive in self.drives)
 
     @cached_property
     def span(self) -> np.ndarray:
@@ -74,69 +144,15 @@ class Problem:
         return np.asarray(np.maximum(spread, 0.1 * max(spread.max(), 1e-6)))
 
 
-def build_problem(task: Task, setup_name: str | None = None) -> Problem:
-    """The problem of one setup of a task.
-
-    Raises
-    ------
-    InputError : the setup does not fit its mechanism, or an operating point or rest window cannot be reached.
-    """
-    setup = task.setup(setup_name)
-    where = {"file": task.file}
-    source = task.mechanism_source(setup)
-    if not os.path.exists(source) and Path(setup.mechanism).name not in shipped():
-        raise InputError(
-            "There is no mechanism folder of this name.",
-            f"Give a folder, relative to the task file, or one that pkmsea ships: {', '.join(shipped())}.",
-            file=task.file,
-            key=f"setups.{task.setups.index(setup)}.mechanism",
-            value=setup.mechanism,
-        )
-    mechanism = _unchanged(source)
-    m = len(mechanism.actuated)
-    drives = tuple(drive.at_output() for drive in _per_joint(setup, m))
-    axes = [str(axis) for axis in mechanism.sidecar.end_effector.coordinates]
-    if len(task.cycle.points[0].at) != len(axes):
-        raise InputError(
-            f"The operating points have {len(task.cycle.points[0].at)} coordinates, but the end effector of "
-            f"'{mechanism.name}' moves along {', '.join(axes)}.",
-            f"Give {len(axes)} coordinates.", key="cycle.points", **where,
-        )  # fmt: skip
-    actuation = Actuation(mechanism, drives, _check_reachable(task, mechanism), task.payload_mass)
-    bounds = (
-        *_bounds("end_effector", ("r_E", "dr_E", "ddr_E"), axes, task.limits, task),
-        *_bounds("joints", ("q", "dq", "ddq"), mechanism.joints, task.limits, task),
-        *_drive_bounds(actuation),
-    )
-    return Problem(task, setup, actuation, bounds)
-
-
-def _per_joint(setup: Setup, m: int) -> tuple[Drive, ...]:
-    """The setup's drives, the only one repeated for all m joints."""
-    return setup.drives * m if len(setup.drives) == 1 else setup.drives
-
-
-def _unchanged(source: Path) -> Mechanism:
-    """The mechanism, loaded again only if a file beside it has changed: its Functions are shared by many problems."""
-    found = find(source)
-    folder = found if found.is_dir() else found.parent
-    files = sorted(path for path in folder.iterdir() if path.is_file())
-    return _loaded(source, tuple((path, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
-
-
-@lru_cache(maxsize=16)
-def _loaded(source: Path, files: tuple[tuple[Path, int, int], ...]) -> Mechanism:
-    return load_mechanism(source)
-
-
-def _bounds(group: str, quantities: tuple[str, ...], names: list[str], limits: TaskLimits, task: Task) -> list[Bound]:
+def _bounds(group: str, quantities: tuple[str, ...], names: list[str], limits: TaskLimits) -> list[Bound]:
     limit = getattr(limits, group)
     for name in limit.named:
         if name not in names:
             raise InputError(
                 f"There is no {'axis' if group == 'end_effector' else 'joint'} '{name}'.",
-                f"Use one of: {', '.join(names)}.", file=task.file, key=f"limits.{group}",
-            )  # fmt: skip
+                f"Use one of: {', '.join(names)}.",
+                key=f"limits.{group}",
+            )
     found = []
     for order, quantity in enumerate(quantities):
         for index, name in enumerate(names):
@@ -155,10 +171,11 @@ def _drive_bounds(actuation: Actuation) -> list[Bound]:
     ]
 
 
-def _check_reachable(task: Task, mechanism: Mechanism) -> tuple[np.ndarray, ...]:
+@lru_cache(maxsize=64)
+def _poses(mechanism: Mechanism, points: tuple[OperatingPoint, ...]) -> tuple[np.ndarray, ...]:
     """Poses of all operating points; they and every corner of their windows must be reachable."""
     poses = []
-    for i, point in enumerate(task.cycle.points):
+    for i, point in enumerate(points):
         corners = product(*[(-1.0, 0.0, 1.0)] * len(point.at))
         for corner in sorted(corners, key=lambda c: float(np.abs(c).sum())):
             target = np.array(point.at) + np.array(corner) * point.per_axis("window")
@@ -170,6 +187,7 @@ def _check_reachable(task: Task, mechanism: Mechanism) -> tuple[np.ndarray, ...]
                     f"The {what} {i + 1} is out of reach. {error.cause}",
                     "Move it into the workspace ('pkmsea check' prints it), shrink its window, or declare another "
                     "assembly mode under 'seed' in mechanism.yaml.",
-                    file=task.file, key=f"cycle.points.{i}.at", value=list(point.at),
-                ) from None  # fmt: skip
+                    key=f"cycle.points.{i}.at",
+                    value=list(point.at),
+                ) from None
     return tuple(poses)

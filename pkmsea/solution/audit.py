@@ -9,6 +9,7 @@ import numpy as np
 from pkmsea.actuation import NUMBERS, Actuation
 from pkmsea.actuation.elements import payload_power
 from pkmsea.actuation.flat_map import flat_map_of_columns
+from pkmsea.errors import one_line
 from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Problem
@@ -27,7 +28,7 @@ LIMIT_EXCESS = 1e-6  # rounding, relative to a limit's size
 IDLE = 1e-3  # share of the mechanical turnover below which an energy counts as zero
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Audit:
     """What the dense grid says about a motion; `faults` is empty for a verified one.
 
@@ -60,6 +61,10 @@ class Audit:
     @property
     def verified(self) -> bool:
         return not self.faults
+
+    def __repr__(self) -> str:
+        status = f"not verified: {'; '.join(self.faults)}" if self.faults else "verified"
+        return one_line(f"<Audit: {self.energy:.4g} J, claimed {self.claimed:.4g} J, {status}>")
 
 
 @dataclass(frozen=True, eq=False)

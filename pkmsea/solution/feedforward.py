@@ -125,8 +125,8 @@ def _head(solution: Solution, sampling: Sampling) -> dict[str, str | float]:
     head: dict[str, str | float] = {
         "format": FORMAT,
         "version": f"pkmsea {version('pkmsea')}",
-        "task": problem.task.name,
-        "setup": problem.setup.name,
+        "task": problem.title,
+        "setup": problem.name,
         "mechanism": problem.actuation.mechanism.name,
         "status": solution.status,
         "energy_per_cycle_J": solution.energy,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pkmsea.errors import SolveError
+from pkmsea.errors import SolveError, one_line
 from pkmsea.problem import Problem
 from pkmsea.solution.audit import Audit, Series, audit
 from pkmsea.solution.local import optimality_of
@@ -91,7 +92,7 @@ class Solution:
 
     @property
     def name(self) -> str:
-        return self.problem.setup.name
+        return self.problem.name
 
     @property
     def label(self) -> str:
@@ -132,7 +133,10 @@ class Solution:
             energy = f"{self.energy:.4g} J"
         except SolveError:
             energy = "no energy"
-        return f"<Solution '{self.name}': {energy}, stiffness [{springs}], {self.status}>"
+        return one_line(f"<Solution '{self.name}': {energy}, stiffness [{springs}], {self.status}>")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def save(self, path: str | Path) -> Path:
         """Write the result file (NetCDF), whole or not at all; see `pkmsea.solution.store`."""

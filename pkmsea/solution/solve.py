@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from pkmsea.errors import Infeasible, NotConverged
+from pkmsea.errors import Infeasible, InputError, NotConverged, blaming
 from pkmsea.problem import Problem, build_problem
 from pkmsea.solution.refine import Refined, refine, unrefined
 from pkmsea.solution.solution import Solution
 from pkmsea.solver import Outcome, Start, multistart
-from pkmsea.solver.multistart import Progress, collect, distinct, restart, spread
+from pkmsea.solver.multistart import Progress, distinct, restart
+from pkmsea.solver.spread import collect, spread
 from pkmsea.task import Task, load_task
 from pkmsea.transcription import Transcription, transcribe
 
@@ -21,20 +21,23 @@ NEAR = 0.05  # of the best, relative: those farther away are not refined
 GAIN = 2.0  # times what refining has gained the best: what it may gain another
 
 
+Solvable = str | Path | Task | Problem | Transcription
+
+
 def solve(
-    task: Task | str | Path,
+    source: Solvable,
     setup: str | None = None,
     *,
     workers: int | None = None,
     progress: Progress | None = None,
     near: Solution | None = None,
 ) -> Solution:
-    """Solve one setup of a task: the energy-optimal cycle and stiffnesses together.
+    """Solve one problem: the energy-optimal cycle and stiffnesses together.
 
     Parameters
     ----------
-    task : a task, or the path of a task file.
-    setup : name of the setup; may be left out if there is only one.
+    source : the path of a task file, a task, a problem, or a transcription, which is then solved as it is.
+    setup : name of the task's setup; may be left out if there is only one.
     workers : processes of the multi-start; default: the cores that this process may use.
     progress : called with every finished start.
     near : a solution of a neighbouring task; the only start then, in place of the multi-start.
@@ -44,13 +47,30 @@ def solve(
     InputError : the task is wrong. Infeasible, NotConverged : there is no motion, or no start found one.
     """
     begin = time.perf_counter()
-    problem = build_problem(load_task(task) if isinstance(task, str | Path) else task, setup)
-    transcription = transcribe(problem)
-    if near is None:
-        starts, interrupted = multistart(transcription, workers, progress)
-    else:
-        starts, interrupted = [restart(transcription, near.motion)], False
-    return chosen(transcription, starts, workers=workers, begin=begin, interrupted=interrupted)
+    source = load_task(source) if isinstance(source, str | Path) else source
+    with blaming(source.file if isinstance(source, Task) else None):
+        transcription = _transcribed(source, setup)
+        if near is None:
+            starts, interrupted = multistart(transcription, workers, progress)
+        else:
+            starts, interrupted = [restart(transcription, near.motion)], False
+        return chosen(transcription, starts, workers=workers, begin=begin, interrupted=interrupted)
+
+
+def _transcribed(source: Task | Problem | Transcription, setup: str | None) -> Transcription:
+    if isinstance(source, Task):
+        source = build_problem(source, setup)
+    elif setup is not None:
+        raise InputError("Only a task has setups.", "Leave the setup out.", key="setup", value=setup)
+    if isinstance(source, Problem):
+        return transcribe(source)
+    if not isinstance(source, Transcription):
+        raise InputError(
+            "This cannot be solved.",
+            "Give the path of a task file, a Task, a Problem or a Transcription.",
+            value=source,
+        )
+    return source
 
 
 def chosen(
@@ -124,8 +144,8 @@ def _unusable(problem: Problem) -> NotConverged:
         "Every optimum that was found is unusable: between the grid points the motion leaves the workspace or crosses "
         "a singularity.",
         "Raise options.starts, or options.samples for a finer grid.",
-        file=problem.task.file, key=f"setup '{problem.setup.name}'",
-    )  # fmt: skip
+        key=f"setup '{problem.name}'",
+    )
 
 
 def _nothing_found(problem: Problem, starts: Sequence[Start]) -> Infeasible | NotConverged:
@@ -133,16 +153,18 @@ def _nothing_found(problem: Problem, starts: Sequence[Start]) -> Infeasible | No
     for start in starts:
         counts[start.outcome.value] = counts.get(start.outcome.value, 0) + 1
     how = ", ".join(f"{count} {outcome}" for outcome, count in counts.items()) or "none ran"
-    where: dict[str, Any] = {"file": problem.task.file, "key": f"setup '{problem.setup.name}'"}
+    key = f"setup '{problem.name}'"
     if any(start.outcome is Outcome.INFEASIBLE or start.limited for start in starts):
         limits = ", ".join(sorted({f"{b.quantity} of {b.name}" for b in problem.bounds})) or "the rest windows"
         patience = ", or options.iterations" if counts.get(Outcome.ITERATIONS.value) else ""
         return Infeasible(
             f"No motion was found that keeps the rest windows and the limits within the period of "
             f"{problem.cycle.period:g} s ({len(starts)} starts: {how}).",
-            f"Lengthen the period, widen the windows, or raise the limits ({limits}){patience}.", **where,
-        )  # fmt: skip
+            f"Lengthen the period, widen the windows, or raise the limits ({limits}){patience}.",
+            key=key,
+        )
     return NotConverged(
         f"No start found an optimum ({len(starts)} starts: {how}).",
-        "Raise options.starts, options.iterations or options.time_limit, or narrow the stiffness bounds.", **where,
-    )  # fmt: skip
+        "Raise options.starts, options.iterations or options.time_limit, or narrow the stiffness bounds.",
+        key=key,
+    )

@@ -18,9 +18,9 @@ import xarray as xr
 from pydantic import TypeAdapter
 
 from pkmsea.actuation import Actuation
-from pkmsea.errors import InputError
+from pkmsea.errors import InputError, blaming
 from pkmsea.files import Record, is_file, write_whole
-from pkmsea.problem import build_problem
+from pkmsea.problem import build_problem, task_of
 from pkmsea.solution.audit import series
 from pkmsea.solution.solution import Mesh, Solution
 from pkmsea.solver import Outcome, Start
@@ -80,9 +80,9 @@ def to_dataset(solution: Solution) -> xr.Dataset:
     }
     record = {
         "format": FORMAT,
-        "setup": problem.setup.name,
-        "task": problem.task.model_dump_json(),
-        "task_file": str(problem.task.file.resolve()) if problem.task.file else "",
+        "setup": problem.name,
+        "task": task_of(problem).model_dump_json(),
+        "task_file": "",  # of older results: beside it lies the mechanism that their task names
         "basis": solution.motion.basis.trajectory.model_dump_json(),
         "energy_true": audit.energy,
         "energy_claimed": solution.claimed,
@@ -155,7 +155,8 @@ def load(path: str | Path) -> Solution:
     record = dataset.attrs
     try:
         task = Task.model_validate_json(record["task"]).read_from(record["task_file"])
-        problem = build_problem(task, record["setup"])
+        with blaming(file):
+            problem = build_problem(task, record["setup"])
         basis = _basis(json.loads(record["basis"]), task.cycle.period)
         parallel = np.stack([numbers(dataset, name) for name in ("parallel_stiffness", "parallel_rest")], axis=1)
         motion = Motion(basis, numbers(dataset, "flat_output"), numbers(dataset, "stiffness"), parallel)

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
-from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from pkmsea.errors import SolveError
-from pkmsea.problem import build_problem
 from pkmsea.solver.ipopt import Outcome, solve_nlp
-from pkmsea.solver.processes import available_cores, once, unordered
-from pkmsea.task import Task
-from pkmsea.transcription import Motion, Transcription, transcribe
+from pkmsea.solver.spread import collect, spread
+from pkmsea.transcription import Motion, Transcription
 
 SCREENING, SHARPENING, LAST = slice(0, 2), slice(2, None), slice(-1, None)  # of an NLP's steps
 CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that need more end badly
@@ -24,8 +19,6 @@ AGREEING = 8  # starts that find one optimum between them are enough
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
 Progress = Callable[["Start"], None]
-Key = tuple[str, str | None, str]  # task as JSON, its file, name of the setup
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,50 +170,3 @@ def finish(transcription: Transcription, start: Start) -> Start:
     if not final.usable or final.energy > start.energy:
         return replace(start, finished=True, iterations=iterations, seconds=final.seconds)
     return replace(final, finished=True, iterations=iterations)
-
-
-def collect(results: Iterator[T], progress: Callable[[T], None] | None = None) -> tuple[list[T], bool]:
-    """All that finish before an interrupt, and whether there was one."""
-    done = []
-    try:
-        for result in results:
-            if progress is not None:
-                progress(result)
-            done.append(result)
-    except KeyboardInterrupt:
-        return done, True
-    return done, False
-
-
-def spread(transcription: Transcription, workers: int | None, calls: list[tuple[Callable[..., T], Any]]) -> Iterator[T]:
-    """Run calls (function, argument) on a transcription here, or on several processes that each build their own.
-
-    Where a process dies, the calls that are not done run again in fresh ones.
-
-    Raises
-    ------
-    SolveError : a process has died again.
-    """
-    jobs = min(workers or available_cores(), len(calls))
-    if jobs <= 1:
-        return (function(transcription, argument) for function, argument in calls)
-    task, setup = transcription.problem.task, transcription.problem.setup.name
-    key = (task.model_dump_json(), str(task.file) if task.file else None, setup)
-    arguments = {number: (key, *call) for number, call in enumerate(calls)}
-    return (result for _, result in unordered(_remote, once(arguments), jobs, partial(_died, task, setup)))
-
-
-def _died(task: Task, setup: str, number: int) -> NoReturn:
-    raise SolveError(
-        "A worker process has died again and again: something has killed it, or the memory is full.",
-        "Run again with fewer processes (--workers), and free memory.", file=task.file, key=f"setup '{setup}'",
-    )  # fmt: skip
-
-
-def _remote(key: Key, function: Callable[..., T], argument: Any) -> T:
-    return function(_cached(*key), argument)
-
-
-@lru_cache(maxsize=4)
-def _cached(task_json: str, file: str | None, setup: str) -> Transcription:
-    return transcribe(build_problem(Task.model_validate_json(task_json).read_from(file), setup))

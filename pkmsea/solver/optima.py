@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from pkmsea.errors import one_line
 from pkmsea.solver.multistart import Start, clusters
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Optimum:
     """One of the distinct optima of a multi-start.
 
@@ -25,6 +26,10 @@ class Optimum:
     stiffness: tuple[float, ...]
     count: int
     finished: bool
+
+    def __repr__(self) -> str:
+        springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
+        return one_line(f"<Optimum: {self.energy:.4g} J, stiffness [{springs}], {self.count} starts>")
 
 
 def optima(starts: Iterable[Start]) -> tuple[Optimum, ...]:

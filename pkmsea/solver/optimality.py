@@ -34,7 +34,7 @@ BLUR = 0.25  # the last step's parameter is known within this factor, as ln
 BLUR_STEP, BLUR_STEPS = 1e-3, 4  # of the derivative with respect to ln p; of its Newton iteration
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Optimality:
     """How well a point satisfies the conditions of a local minimum; energies relative to `unit`.
 
@@ -61,6 +61,9 @@ class Optimality:
     negative: int
     kind: str
     unit: float
+
+    def __repr__(self) -> str:
+        return f"<Optimality: {self.kind}, KKT residual {self.error:.1e}, a Newton step saves {self.saving:.1e}>"
 
     @property
     def error(self) -> float:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
 
-from pkmsea.errors import SolveError
+from pkmsea.errors import SolveError, blaming
+from pkmsea.problem import Problem, build_problem
 from pkmsea.solution import solve
 from pkmsea.task import Task
 
@@ -26,8 +28,19 @@ def with_drive_numbers(task: Task, **numbers: float) -> Task:
     return task.model_copy(update={"setups": tuple(setups)})
 
 
+def with_numbers(problem: Problem, **numbers: float) -> Problem:
+    """The same problem with numbers of all drives replaced."""
+    return replace(problem, drives=tuple(drive.model_copy(update=numbers) for drive in problem.drives))
+
+
 def calibrate(task: Task, setup: str, number: Number, energy: float, start: float, tolerance: float = 1e-5) -> float:
-    """Find the value of a drive number with which the setup's minimal true energy is `energy` [J].
+    """Find the value of a drive number with which the setup's minimal true energy is `energy` [J]; see `calibrated`."""
+    with blaming(task.file):
+        return calibrated(build_problem(task, setup), number, energy, start, tolerance)
+
+
+def calibrated(problem: Problem, number: Number, energy: float, start: float, tolerance: float = 1e-5) -> float:
+    """Find the value of a drive number with which the problem's minimal true energy is `energy` [J].
 
     The energy must grow with the number, which holds for losses and inertia of a rigid robot. The bracket is searched
     from `start` in factors of WIDENING, then closed by Brent's method in the logarithm.
@@ -36,12 +49,12 @@ def calibrate(task: Task, setup: str, number: Number, energy: float, start: floa
     ------
     SolveError : no value reaches the energy.
     """
-    single = task.with_starts(1)
+    single = replace(problem, options=problem.options.model_copy(update={"starts": 1}))
 
     @cache
     def excess(logarithm: float) -> float:
         value = float(np.exp(logarithm))
-        return solve(with_drive_numbers(single, **{number: value}), setup, workers=1).energy / energy - 1.0
+        return solve(with_numbers(single, **{number: value}), workers=1).energy / energy - 1.0
 
     low = high = np.log(start)
     below = above = excess(low)
@@ -56,9 +69,10 @@ def calibrate(task: Task, setup: str, number: Number, energy: float, start: floa
             above = excess(high)
     if not below <= 0 <= above:
         raise SolveError(
-            f"No value of {number} gives the setup '{setup}' an energy of {energy:g} J.",
-            "Check the energy and the other numbers of the drives.", file=task.file, key=number,
-        )  # fmt: skip
+            f"No value of {number} gives the setup '{problem.name}' an energy of {energy:g} J.",
+            "Check the energy and the other numbers of the drives.",
+            key=number,
+        )
     if low == high:
         return float(np.exp(low))
     return float(np.exp(brentq(excess, low, high, xtol=tolerance, rtol=tolerance)))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +31,11 @@ def changed_task(task: Task, numbers: Mapping[str, float], folder: Path) -> Task
     NameNotFound : a key leads nowhere. InputError : the changed task is impossible.
     """
     data = json.loads(task.model_dump_json())
+    actuated = cache(_actuated)  # for this call: before the next one the files may change
     mechanisms = {key.removeprefix(MECHANISM): x for key, x in numbers.items() if key.startswith(MECHANISM)}
     for key, number in numbers.items():
         if key.startswith(DRIVES):
-            _change_drives(data, key, number, task)
+            _change_drives(data, key, number, task, actuated)
         elif not key.startswith(MECHANISM):
             try:
                 assign(data, key.split("."), number)
@@ -44,11 +45,13 @@ def changed_task(task: Task, numbers: Mapping[str, float], folder: Path) -> Task
     return _with_mechanisms(changed, mechanisms, folder) if mechanisms else changed
 
 
-def _change_drives(data: dict[str, Any], key: str, number: float, task: Task) -> None:
+def _change_drives(
+    data: dict[str, Any], key: str, number: float, task: Task, actuated: Callable[[Path], tuple[str, ...]]
+) -> None:
     which, _, what = key.removeprefix(DRIVES).partition(".")
     found, known = 0, set[str]()
     for setup, record in zip(task.setups, data["setups"], strict=True):
-        joints = _actuated(task.mechanism_source(setup))
+        joints = actuated(task.mechanism_source(setup))
         drives = record["drives"]
         if len(drives) == 1 and len(joints) > 1:
             record["drives"] = drives = [json.loads(json.dumps(drives[0])) for _ in joints]
@@ -67,7 +70,6 @@ def _change_drives(data: dict[str, Any], key: str, number: float, task: Task) ->
         raise NameNotFound("drive or number", key, sorted(f"{DRIVES}{name}" for name in known), key=key)
 
 
-@lru_cache(maxsize=64)
 def _actuated(source: Path) -> tuple[str, ...]:
     """Joints of the drives, as far as the files name them."""
     return read_source(find(source)).draft.actuated or ()

@@ -12,15 +12,15 @@ from typing import Any
 
 import pandas as pd
 
-from pkmsea.errors import PkmseaError
+from pkmsea.errors import PkmseaError, blaming
 from pkmsea.files import file_name
-from pkmsea.problem import build_problem
+from pkmsea.problem import Problem, build_problem, task_of
 from pkmsea.solution import Mesh, Solution
 from pkmsea.solution.solve import NEAR, chosen
 from pkmsea.solution.store import motion_of, motion_record
 from pkmsea.solver import Start
 from pkmsea.solver.multistart import distinct, finish, multistart, restart, run_start
-from pkmsea.study.calibrate import calibrate, with_drive_numbers
+from pkmsea.study.calibrate import calibrated, with_numbers
 from pkmsea.study.kept import kept
 from pkmsea.study.study import KEY, Calibration
 from pkmsea.study.table import DONE, FAILED, NO_BETTER, UNVERIFIED, VERIFIED, rank, records
@@ -38,9 +38,10 @@ class Job:
     ----------
     key : case, setup, point and round, the row in the table.
     values : of the varied parameters.
-    task : JSON of the changed task; `file` is where the original was read.
+    problem : what is solved there; `file` is the one that its errors name.
     near : motions of neighbours, as `motion_record`s in JSON, each a start.
     indices : of the random starts beside; None for the whole multi-start of the task.
+    calibrate : numbers to find first, each with the problem whose energy tells it.
     known : what this point's best solution so far claims on the first mesh [J]; None in the first round.
     cache : folder where calibrated numbers are kept, for the points that differ in another setup only.
     result : file to save the solution in.
@@ -48,12 +49,12 @@ class Job:
 
     key: tuple[str, str, int, int]
     values: Mapping[str, float]
-    task: str
-    file: str | None
+    problem: Problem
+    file: str | None = None
     near: tuple[str, ...] = ()
     indices: tuple[int, ...] | None = None
     known: float | None = None
-    calibrate: tuple[Calibration, ...] = ()
+    calibrate: tuple[tuple[Calibration, Problem], ...] = ()
     cache: str = "."
     result: str | None = None
 
@@ -62,17 +63,21 @@ def solve_point(job: Job) -> dict[str, Any]:
     """The row of a job: `energy` [J], `claimed`, `status`, `reason`, `stiffness` and so on; it does not raise."""
     begin = time.perf_counter()
     try:
-        row = _named(job.key, job.values) | _solved(job, begin)
-    except PkmseaError as error:
-        row = failure(job.key, job.values, str(error))
+        with blaming(job.file):
+            row = _named(job.key, job.values) | _solved(job, begin)
     except Exception as error:  # a point that fails must not take the others with it
-        row = failure(job.key, job.values, f"{type(error).__name__}: {error}")
+        row = failure(job.key, job.values, reason(error))
     return row | {"seconds": time.perf_counter() - begin}
 
 
 def failure(key: tuple[str, str, int, int], values: Mapping[str, float], reason: str) -> dict[str, Any]:
     """The row of a point without a solution."""
     return _named(key, values) | {"outcome": FAILED, "status": FAILED, "reason": reason}
+
+
+def reason(error: Exception) -> str:
+    """Why a point has failed, in its row."""
+    return str(error) if isinstance(error, PkmseaError) else f"{type(error).__name__}: {error}"
 
 
 def lost(job: Job) -> dict[str, Any]:
@@ -84,22 +89,20 @@ def _named(key: tuple[str, str, int, int], values: Mapping[str, float]) -> dict[
     return dict(zip(KEY, key, strict=True)) | dict(values)
 
 
-def task_of(job: Job) -> tuple[Task, dict[str, float]]:
-    """The job's task, and the drive numbers that were calibrated for it."""
-    task = Task.model_validate_json(job.task).read_from(job.file)
+def calibrated_numbers(job: Job) -> dict[str, float]:
+    """The drive numbers that are calibrated for a job, each with those before it put in."""
     numbers: dict[str, float] = {}
-    for c in job.calibrate:
-        alone = task.model_copy(update={"setups": (task.setup(c.setup),)})
-        text = alone.model_dump_json() + c.model_dump_json()
-        search = partial(calibrate, alone, c.setup, c.number, c.energy, c.start, c.tolerance)
+    for c, problem in job.calibrate:
+        reference = with_numbers(problem, **numbers)
+        text = task_of(reference).model_dump_json() + c.model_dump_json()
+        search = partial(calibrated, reference, c.number, c.energy, c.start, c.tolerance)
         numbers[c.number] = kept(Path(job.cache), text, search)
-        task = with_drive_numbers(task, **{c.number: numbers[c.number]})
-    return task, numbers
+    return numbers
 
 
 def _solved(job: Job, begin: float) -> dict[str, Any]:
-    task, numbers = task_of(job)
-    transcription = transcribe(build_problem(task, job.key[1]))
+    numbers = calibrated_numbers(job)
+    transcription = transcribe(with_numbers(job.problem, **numbers))
     starts = _starts(transcription, job)
     claimed = min((start.energy for start in starts), default=float("inf"))
     if job.known is not None and not claimed < (1 - BETTER) * job.known:
@@ -139,7 +142,7 @@ def record(solution: Solution) -> dict[str, Any]:
         "optima": json.dumps(_optima(solution)),
         "motion": json.dumps(motion_record(solution.motion)),
         "meshes": json.dumps([asdict(mesh) for mesh in solution.meshes]),
-        "task": solution.problem.task.model_dump_json(),
+        "task": task_of(solution.problem).model_dump_json(),
     }
 
 

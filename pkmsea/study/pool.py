@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
+from itertools import count
 from typing import Any
 
 from pkmsea.errors import InputError, SolveError
@@ -34,14 +35,22 @@ class Pool:
             return self._on_cluster(function, more)
         if self.workers == 1:
             return _here(function, more)
-        jobs: dict[int, Any] = {}
+        return self._on_processes(function, more, lost)
+
+    def _on_processes(
+        self, function: Callable[[Any], Row], more: Callable[[], Sequence[Any]], lost: Callable[[Any], Row]
+    ) -> Iterator[Row]:
+        jobs: dict[int, Any] = {}  # that are not done
+        numbers = count()
 
         def numbered() -> dict[int, tuple[Any]]:
-            new = dict(enumerate(more(), len(jobs)))
+            new = {next(numbers): job for job in more()}
             jobs.update(new)
             return {number: (job,) for number, job in new.items()}
 
-        return (row for _, row in unordered(function, numbered, self.workers, lambda number: lost(jobs[number])))
+        for number, row in unordered(function, numbered, self.workers, lambda number: lost(jobs[number])):
+            del jobs[number]
+            yield row
 
     def _on_cluster(self, function: Callable[[Any], Row], more: Callable[[], Sequence[Any]]) -> Iterator[Row]:
         from distributed import KilledWorker

@@ -11,18 +11,18 @@ import numpy as np
 import pandas as pd
 
 from pkmsea.ending import noticed, stop_if
-from pkmsea.errors import InputError
+from pkmsea.errors import InputError, one_line
 from pkmsea.files import file_name
 from pkmsea.solution import Solution
 from pkmsea.study.fingerprint import fingerprint
 from pkmsea.study.order import Order, Wait
-from pkmsea.study.point import Job, failure, lost, save_best, solution_of, solve_point
+from pkmsea.study.point import Job, failure, lost, reason, save_best, solution_of, solve_point
 from pkmsea.study.points import Points, levels, points_of
 from pkmsea.study.pool import Pool, open_pool
 from pkmsea.study.search import Searcher
 from pkmsea.study.study import KEY, Search, Study, load_study
 from pkmsea.study.table import DONE, FAILED, HIDDEN, NAME, VERIFIED, Table, best, first_claim, rank, records
-from pkmsea.study.tasks import check, task_at
+from pkmsea.study.tasks import check, posed
 
 CALIBRATED = "calibrated"  # folder
 OPTIMUM = -1  # the point that stands for the task as it says itself
@@ -42,7 +42,7 @@ class Progress:
     best: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StudyResult:
     """What a study has found; `rows` are all solved rows, `folder` is where table and result files are."""
 
@@ -50,6 +50,10 @@ class StudyResult:
     rows: pd.DataFrame
     folder: Path
     interrupted: bool
+
+    def __repr__(self) -> str:
+        stopped = ", interrupted" if self.interrupted else ""
+        return one_line(f"<StudyResult '{self.study.name}': {len(self.rows)} rows in {self.folder}{stopped}>")
 
     @property
     def table(self) -> pd.DataFrame:
@@ -237,9 +241,9 @@ class _Run:
         case, setup, point, turn = key
         own = self._best(case, setup, point, turn) if turn else None
         try:
-            task = task_at(self.study, case, values, self.out)
-        except InputError as error:
-            self._add(failure(key, values or {}, str(error)))
+            problem, calibrate = posed(self.study, case, setup, values, self.out)
+        except Exception as error:  # a point that fails must not take the others with it
+            self._add(failure(key, values or {}, reason(error)))
             return None
         before = self.study.rounds if point == OPTIMUM else turn or 1
         rows = [row for i in near if (row := self._best(case, setup, i, before))]
@@ -247,11 +251,10 @@ class _Run:
         if self.study.results == "all" and point != OPTIMUM:
             folders = file_name(case, list(self.study.cases)), file_name(setup, self.study.names)
             file = str(self.out.joinpath("results", *folders, f"{point}_{turn}.nc"))
-        origin = str(task.file.resolve()) if task.file else None
-        return Job(
-            key, values or {}, task.model_dump_json(), origin, tuple(row["motion"] for row in rows), indices,
-            first_claim(own) if own else None, self.study.cases[case].calibrate, str(self.out / CALIBRATED), file,
-        )  # fmt: skip
+        origin = str(self.study.base.file.resolve()) if self.study.base.file else None
+        near_motions, known = tuple(row["motion"] for row in rows), first_claim(own) if own else None
+        cache = str(self.out / CALIBRATED)
+        return Job(key, values or {}, problem, origin, near_motions, indices, known, calibrate, cache, file)
 
     def _add(self, row: Row) -> None:
         self.table.add(row)

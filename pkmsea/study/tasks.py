@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from pkmsea.errors import InputError, NameNotFound
-from pkmsea.problem import build_problem
+from pkmsea.problem import Problem, build_problem
 from pkmsea.study.changes import changed_task
 from pkmsea.study.expressions import evaluate, names_in
 from pkmsea.study.points import values_at
-from pkmsea.study.study import Study
+from pkmsea.study.study import Calibration, Study
 from pkmsea.task import Task
 
 MECHANISMS = "mechanisms"  # folder of the changed ones
@@ -44,6 +44,16 @@ def task_at(study: Study, case: str, values: Mapping[str, float] | None, out: Pa
             error.cause = f"With {changed}, {error.key or 'the task'} is impossible: {error.cause}"
         error.file, error.key = study.file, expressions.get(error.key or "", ("vary",))[0]
         raise
+
+
+def posed(
+    study: Study, case: str, setup: str, values: Mapping[str, float] | None, out: Path
+) -> tuple[Problem, tuple[tuple[Calibration, Problem], ...]]:
+    """The problem of a setup there, and those by which numbers of the case's drives are calibrated. Raises like
+    `task_at`."""
+    task = task_at(study, case, values, out)
+    calibrate = ((c, build_problem(task, c.setup)) for c in study.cases[case].calibrate)
+    return build_problem(task, setup), tuple(calibrate)
 
 
 def check(study: Study, out: Path) -> int:

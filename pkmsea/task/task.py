@@ -11,7 +11,7 @@ from pkmsea.actuation.drive import Drive
 from pkmsea.errors import InputError, NameNotFound
 from pkmsea.files import FromFile, Name, Record, read
 from pkmsea.task.cycle import Cycle, Limits
-from pkmsea.task.payload import Payload, PayloadMass
+from pkmsea.task.payload import Payload
 
 
 class Fourier(Record):
@@ -77,7 +77,7 @@ class Setup(Record):
     @field_validator("drives", mode="before")
     @classmethod
     def _one_for_all(cls, value: Any) -> Any:
-        return [value] if isinstance(value, dict) else value
+        return [value] if isinstance(value, dict | Drive) else value
 
 
 class TaskLimits(Record):
@@ -109,11 +109,6 @@ class Task(FromFile):
         if self.payload is not None:
             self.payload.check(self.cycle)
         return self
-
-    @property
-    def payload_mass(self) -> PayloadMass | None:
-        """The payload as a function of time."""
-        return None if self.payload is None else self.payload.mass_over(self.cycle)
 
     def setup(self, name: str | None = None) -> Setup:
         """The named setup, or the only one."""

@@ -39,7 +39,4 @@ def _refuse_extras(problem: Problem) -> None:
     present = {"parallel": shape.parallel, "damping": shape.damped, "payload": shape.payload}
     for key, found in present.items():
         if found:
-            raise InputError(
-                f"The paper's transcription has no {key}.", "Use options.transcription: flat.",
-                file=problem.task.file, key=key,
-            )  # fmt: skip
+            raise InputError(f"The paper's transcription has no {key}.", "Use options.transcription: flat.", key=key)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Any
 
 import numpy as np
 
+from pkmsea.errors import one_line
 from pkmsea.problem import Problem
 from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp
@@ -24,6 +26,14 @@ class Transcription(ABC):
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as what it is made of; a class whose constructor takes more says so here."""
+        return type(self), (self.problem,)
+
+    def __repr__(self) -> str:
+        size = f"{self.size} coefficients per output, {self.samples} samples"
+        return one_line(f"<{type(self).__name__} of '{self.problem.name}': {size}>")
 
     @abstractmethod
     def start(self, rng: np.random.Generator | None) -> np.ndarray:

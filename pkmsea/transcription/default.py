@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,9 @@ class FlatTranscription(Transcription):
         self.samples = pieces * math.ceil(wanted / pieces)
         self._free = FlatNlp(problem, self.basis, self.samples, ())
         self._limited: FlatNlp | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.problem, self.trajectory, self.samples)
 
     def start(self, rng: np.random.Generator | None) -> np.ndarray:
         return guess.start(self.problem, self._free.robot, rng)

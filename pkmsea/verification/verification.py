@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import simpson
 
+from pkmsea.errors import one_line
 from pkmsea.problem import Bound
 from pkmsea.solution import Solution
 from pkmsea.solution.audit import IDLE
@@ -31,7 +32,7 @@ TINY = 1e-12  # keeps ratios finite where nothing moves
 RESOLUTION = 2e-2  # of the peak torque: error of every second sample's spline; that of all samples is 2^-DEGREE of it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verification:
     """What the simulation says about a result; `faults` is empty for one that it confirms.
 
@@ -86,6 +87,9 @@ class Verification:
     def status(self) -> str:
         """'verified', or why not."""
         return "not verified: " + "; ".join(self.faults) if self.faults else "verified"
+
+    def __repr__(self) -> str:
+        return one_line(f"<Verification: {self.energy:.4g} J, simulated {self.simulated:.4g} J, {self.status}>")
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a wrong result may move without bounds; the checks say so

@@ -43,7 +43,7 @@ def overview(solutions: Sequence[Solution], failed: Sequence[str] = ()) -> Figur
         torque_panel(axes, solution)
     first = solutions[0].problem
     missing = f"\nno result: {', '.join(failed)}" if failed else ""
-    figure.suptitle(f"{first.task.name}: energy-optimal cycles of {first.cycle.period:g} s{missing}", fontsize=13)
+    figure.suptitle(f"{first.title}: energy-optimal cycles of {first.cycle.period:g} s{missing}", fontsize=13)
     return figure
 
 

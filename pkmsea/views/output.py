@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from pkmsea.files import file_name
 from pkmsea.solution import Solution
-from pkmsea.views import setup_file
 from pkmsea.views.figures import overview, save_figure
 from pkmsea.views.playback import write_page
 
 
-def save_result(solution: Solution, folder: Path) -> list[Path]:
-    """Write the result file of a setup and its playback page."""
-    name = setup_file(solution)
+def save_result(solution: Solution, folder: Path, setups: Sequence[str]) -> list[Path]:
+    """Write the result file of a setup and its playback page; `setups` are the names of all setups of the task: no two
+    of them share a file."""
+    name = file_name(solution.name, setups)
     return [solution.save(folder / f"{name}.nc"), write_page(solution, folder / f"{name}.html")]
 
 

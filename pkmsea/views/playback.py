@@ -45,7 +45,7 @@ def write_page(solution: Solution, path: str | Path) -> Path:
     script = (Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
     commands = ",\n".join(f'"{base64.b64encode(command).decode()}"' for command in recorder.commands)
     page = _PAGE.format(
-        title=html.escape(f"{solution.problem.task.name}: {solution.label}"), caption=_caption(solution),
+        title=html.escape(f"{solution.problem.title}: {solution.label}"), caption=_caption(solution),
         script=script.replace("</script", "<\\/script"), commands=commands,
     )  # fmt: skip
     write_whole(path, lambda temporary: temporary.write_text(page, encoding="utf-8"))

@@ -73,7 +73,7 @@ def print_solutions(
     """Setups side by side, the first one is the reference; what is not verified comes behind, what failed last."""
     doubtful = reference is not None and not reference.verified
     caption = f"* relative to '{reference.name}', which is not verified" if reference and doubtful else None
-    table = Table(title=solutions[0].problem.task.name, box=box.SIMPLE_HEAD, caption=caption, caption_justify="left")
+    table = Table(title=solutions[0].problem.title, box=box.SIMPLE_HEAD, caption=caption, caption_justify="left")
     for name, justify in (
         ("setup", "left"), ("E true [J]", "right"), ("E claimed [J]", "right"), ("relative", "right"),
         ("stiffness [N m/rad, N/m]", "left"), ("optima", "left"), ("time [s]", "right"), ("status", "left"),

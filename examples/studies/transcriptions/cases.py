@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scheme import Scheme
@@ -59,8 +59,7 @@ def make_problem(kappa: float, drives: str) -> Problem:
 def shared_start(problem: Problem) -> Motion:
     """The default's optimum of least true energy on a coarse mesh."""
     options = problem.options.model_copy(update={"starts": STARTS})
-    coarse = Problem(problem.task.model_copy(update={"options": options}), problem.setup, problem.actuation, ())
-    transcription = FlatTranscription(coarse, Spline(kind="spline", knots=KNOTS), None)
+    transcription = FlatTranscription(replace(problem, options=options), Spline(kind="spline", knots=KNOTS), None)
     found, _ = multistart(transcription, workers=1)
     motions = [transcription.motion(start.x) for start in found if start.x is not None and start.usable]
     return min(motions, key=lambda motion: audit(problem, motion, 0.0)[0].energy)

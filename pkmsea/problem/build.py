@@ -1,0 +1,79 @@
+"""From a task file to a problem, and back; here errors learn which file they are about."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from pathlib import Path
+
+from pkmsea.errors import InputError, blaming
+from pkmsea.files import parse
+from pkmsea.mechanism import Mechanism, load_mechanism
+from pkmsea.mechanism.conventions import SIDECAR
+from pkmsea.mechanism.urdf import find, shipped
+from pkmsea.problem.problem import Problem
+from pkmsea.task import Setup, Task, load_task
+
+
+def build_problem(source: Task | str | Path, setup: str | None = None) -> Problem:
+    """The problem of one setup of a task, or of a task file; the setup may be left out if there is only one.
+
+    Raises
+    ------
+    InputError : the setup does not fit its mechanism, or an operating point or rest window cannot be reached.
+    """
+    task = load_task(source) if isinstance(source, str | Path) else source
+    chosen = task.setup(setup)
+    with blaming(task.file):
+        return Problem(
+            name=chosen.name,
+            mechanism=_mechanism(task, chosen),
+            drives=chosen.drives,
+            cycle=task.cycle,
+            limits=task.limits,
+            payload=task.payload,
+            options=chosen.options or task.options,
+            title=task.name,
+        )
+
+
+def task_of(problem: Problem) -> Task:
+    """The task of one setup from which `build_problem` makes this problem.
+
+    Raises
+    ------
+    InputError : a task cannot have this name.
+    """
+    setup = {"name": problem.name, "mechanism": _source_of(problem.mechanism), "drives": problem.drives}
+    keys = ("cycle", "limits", "payload", "options")
+    data = {"name": problem.title, "setups": (setup,)} | {key: getattr(problem, key) for key in keys}
+    return parse(Task, data, None)
+
+
+def _mechanism(task: Task, setup: Setup) -> Mechanism:
+    """The mechanism, loaded again only if a file beside it has changed: its Functions are shared by many problems."""
+    source = task.mechanism_source(setup)
+    if not os.path.exists(source) and Path(setup.mechanism).name not in shipped():
+        raise InputError(
+            "There is no mechanism folder of this name.",
+            f"Give a folder, relative to the task file, or one that pkmsea ships: {', '.join(shipped())}.",
+            key=f"setups.{task.setups.index(setup)}.mechanism",
+            value=setup.mechanism,
+        )
+    found = find(source)
+    folder = found if found.is_dir() else found.parent
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    return _loaded(source, tuple((path, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
+
+
+@lru_cache(maxsize=16)
+def _loaded(source: Path, files: tuple[tuple[Path, int, int], ...]) -> Mechanism:
+    return load_mechanism(source)
+
+
+def _source_of(mechanism: Mechanism) -> str:
+    """What a task calls a mechanism: its name if pkmsea ships it, else its folder, or the file that stands alone."""
+    folder, file = mechanism.folder.resolve(), mechanism.origin.file or mechanism.origin.tree
+    if folder.name in shipped() and folder == find(folder.name).resolve():
+        return folder.name
+    return str(folder if file.name == SIDECAR else file.resolve())
