@@ -10,6 +10,7 @@ from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, SLIDER_
 
 from pkmsea.actuation import NUMBERS, Actuation, Drive, flat_map
 from pkmsea.actuation.equations import stage
+from pkmsea.actuation.flat_batch import FlatBatch
 from pkmsea.errors import InputError, MechanismError
 from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.problem import build_problem
@@ -127,6 +128,9 @@ def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism
     instants.solve()
     s = instants.s[:, 0]
     exact = flat_map(robot.shape)(q, Y, Z, c, k, rest, np.zeros((1, 3)), r)
+    columns = [x[None] for x in (q, Y.T.ravel(), Z.T.ravel(), c, k, rest, np.zeros(3), r)]
+    for found, expected in zip(FlatBatch(robot.shape, 1)(*columns), exact, strict=True):
+        np.testing.assert_allclose(found.ravel(), np.array(expected).ravel(), rtol=1e-9, atol=1e-11)
     q_M, _, tau, u, v, a = (np.array(x).ravel() for x in exact)
     for i, drive in enumerate(robot.drives):
         expected = (q_M[i], u[i]) if drive.elastic else (tau[i], v[robot.mechanism.actuated[i]])

@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmsea.actuation import NUMBERS, Actuation
 from pkmsea.actuation.elements import payload_power
-from pkmsea.actuation.flat_map import flat_map_of_columns
+from pkmsea.actuation.flat_batch import FlatBatch
 from pkmsea.errors import one_line
 from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
@@ -104,7 +104,7 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
         L = np.stack([actuation.payload(t, order) for order in range(3)], axis=1)
     k, rest = np.nan_to_num(motion.parallel, nan=1.0).T
     c = np.nan_to_num(motion.stiffness, nan=1.0)
-    exact = Batch(flat_map_of_columns(actuation.shape), count)
+    exact = FlatBatch(actuation.shape, count)
     q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, r))
     for i in actuation.damped:
         q_M[:, i], v_M[:, i], a_M = _damped(actuation, i, basis.period, motion.stiffness[i], q, v, a, u[:, i])
