@@ -11,8 +11,9 @@ import pytest
 import yaml
 from conftest import ELASTIC, task
 
+from pkmsea.description import skeleton
 from pkmsea.errors import InputError, MechanismError
-from pkmsea.mechanism import Mechanism, load_mechanism, skeleton
+from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.solution import solve
 
 EQUAL = 1e-8  # relative, asked for; conventions differ by rounding of poses only
@@ -40,7 +41,7 @@ def assert_equal(mechanism: Mechanism, reference: Mechanism) -> None:
 def test_each_convention_is_the_same_mechanism(mechanisms: dict[str, Mechanism], name: str, tmp_path: Path) -> None:
     folder = five_bar.CONVENTIONS[name](tmp_path / "robot")
     mechanism = load_mechanism(folder)
-    assert (mechanism.mobility, mechanism.sidecar.actuated) == (2, ("A", "B"))
+    assert (mechanism.mobility, mechanism.description.actuated) == (2, ("A", "B"))
     assert_equal(mechanism, mechanisms["pkm_2rrr"])
 
 
@@ -53,11 +54,9 @@ def test_the_normalised_sidecar_is_the_same_mechanism(
     mechanism = load_mechanism(folder, guess=True)
     for file in folder.glob("*.yaml"):
         file.unlink()
-    (folder / "mechanism.yaml").write_text(
-        skeleton.text(mechanism.sidecar, mechanism.origin.conventions, mechanism.origin.proposed)
-    )
+    (folder / "mechanism.yaml").write_text(skeleton.text(mechanism.description))
     again = load_mechanism(folder)
-    assert again.sidecar.closures == mechanism.sidecar.closures
+    assert again.description.closures == mechanism.description.closures
     assert_equal(again, mechanisms["pkm_2rrr"])
 
 
@@ -130,7 +129,7 @@ def test_mechanism_yaml_goes_before_the_tree(tmp_path: Path) -> None:
     folder = five_bar.urdfplus(tmp_path / "robot")
     file = folder / "mechanism.yaml"
     file.write_text(yaml.safe_dump(yaml.safe_load(file.read_text()) | {"closures": []}))
-    assert load_mechanism(folder, guess=True).sidecar.closures == ()
+    assert load_mechanism(folder, guess=True).description.closures == ()
 
 
 def test_mimic_joints_are_couplings(mechanisms: dict[str, Mechanism], tmp_path: Path) -> None:

@@ -263,8 +263,8 @@ def test_bad_study_files(base: Path, change: dict[str, Any], key: str | None, te
 
 def test_changed_geometry(tmp_path: Path) -> None:
     """A joint moved, and a link stretched as a rod, arrive in the model."""
+    from pkmsea.description import find
     from pkmsea.mechanism import load_mechanism
-    from pkmsea.mechanism.urdf import find
     from pkmsea.study.geometry import changed_mechanism
 
     before = load_mechanism("pkm_2rrr")

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from pkmsea.actuation import Actuation, Drive
+from pkmsea.description import find, shipped
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.mechanism import Mechanism, load_mechanism
-from pkmsea.mechanism.urdf import find, shipped
 from pkmsea.task import Cycle, Options, Setup, Task
 from pkmsea.task.task import TaskLimits
 

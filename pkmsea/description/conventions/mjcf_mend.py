@@ -10,8 +10,8 @@ from pathlib import Path
 
 from lxml import etree
 
+from pkmsea.description.xml import Element, number, numbers
 from pkmsea.errors import MechanismError
-from pkmsea.mechanism.xml import Element, number, numbers
 
 IN_BODY = ("body", "joint", "freejoint", "inertial", "geom", "site", "camera", "light")
 SHAPES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")

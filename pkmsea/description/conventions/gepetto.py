@@ -17,7 +17,7 @@ def speaks(data: Any) -> bool:
     return isinstance(data, dict) and "closed_loop" in data
 
 
-def normalise(data: dict[str, Any], file: Path) -> dict[str, Any]:
+def read(data: dict[str, Any], file: Path) -> dict[str, Any]:
     """The same as sidecar keys; other keys stay, so that a file may mix both."""
     data = dict(data)
     pairs, types = data.pop("closed_loop"), data.pop("type", None)

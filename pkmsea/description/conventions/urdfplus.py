@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from pkmsea.description.xml import Element, numbers
 from pkmsea.errors import MechanismError, NameNotFound
-from pkmsea.mechanism.xml import Element, numbers
 
 LABEL = "URDF+"
 TYPES = {"revolute": "revolute", "continuous": "revolute", "fixed": "frame", "spherical": "point", "ball": "point"}

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from pkmsea.description.xml import Element
 from pkmsea.errors import MechanismError
-from pkmsea.mechanism.xml import Element
 
 LABEL = "closing_*_1/_2 frames of onshape-to-robot"
 FRAME = re.compile(r"(closing_.+)_([12])")

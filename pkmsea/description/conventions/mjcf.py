@@ -10,17 +10,20 @@ from typing import Any
 import pinocchio as pin
 from lxml import etree
 
+from pkmsea.description import xml
+from pkmsea.description.conventions.mjcf_mend import WORLD, mend
+from pkmsea.description.conventions.to_urdf import body_frame, to_urdf
+from pkmsea.description.xml import Element, numbers
 from pkmsea.errors import MechanismError, NameNotFound
-from pkmsea.mechanism import xml
-from pkmsea.mechanism.conventions.mjcf_mend import WORLD, mend
-from pkmsea.mechanism.conventions.to_urdf import body_frame, to_urdf
-from pkmsea.mechanism.xml import Element, numbers
 
+SUFFIXES: tuple[str, ...] = (".mjcf",)
 LABEL = "MJCF"
+MARKED = False
 GRAVITY = "0 0 -9.81"
 
 
-def speaks(root: Element) -> bool:
+def speaks(root: Element, file: Path) -> bool:
+    """Whether this is a MuJoCo model, whatever the file's name."""
     return bool(root.tag == "mujoco")
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from pkmsea.description.xml import Element, number, numbers
 from pkmsea.errors import MechanismError, NameNotFound
-from pkmsea.mechanism.xml import Element, number, numbers
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed")
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
