@@ -41,9 +41,12 @@ def new(folder: Path, tree: Path | None) -> list[Path]:
     except InputError as error:
         file = skeleton.write_incomplete(read_source(folder), error)
         raise InputError(
-            error.cause, f"{error.remedy} Then run 'pkmsea new {folder}' again.",
-            file=file or error.file, key=error.key, value=error.value,
-        ) from None  # fmt: skip
+            error.cause,
+            f"{error.remedy} Then run 'pkmsea new {folder}' again.",
+            file=file or error.file,
+            key=error.key,
+            value=error.value,
+        ) from None
     sidecar = skeleton.write(mechanism.description)
     task = folder / TASK
     if task.exists():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import five_bar
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 import yaml
 from conftest import ELASTIC, task
 
-from pkmsea.description import skeleton
+from pkmsea.description import skeleton, source
 from pkmsea.errors import InputError, MechanismError
 from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.solution import solve
@@ -123,6 +124,25 @@ def test_several_joints_of_one_mjcf_body(tmp_path: Path) -> None:
     assert (mechanism.joints, mechanism.mobility) == (["x", "y", "z"], 3)
     np.testing.assert_allclose(mechanism.mass_matrix(np.zeros(3)), np.diag([4, 4, 2]))
     np.testing.assert_allclose(mechanism.end_effector(np.array([0.1, 0.2, 0.3])), [0.1, 0.2, 1.3])
+
+
+def test_a_convention_is_one_entry_of_the_table(
+    mechanisms: dict[str, Mechanism], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A made-up mark, <pin a= b=/>, is read, named, and blamed for its faults once it stands in the table."""
+    convention = SimpleNamespace(
+        LABEL="<pin> elements",
+        read=lambda root, file: {"closures": [{"frames": (pin.get("a"), pin.get("b"))} for pin in root.findall("pin")]},
+    )
+    monkeypatch.setattr(source, "MARKS", (*source.MARKS, convention))
+    tree = five_bar.urdf(five_bar.Variant(), more='<pin a="tip_1" b="tip_2"/>')
+    folder = five_bar.write(tmp_path / "robot", "robot.urdf", tree, five_bar.sidecar(five_bar.Variant()))
+    mechanism = load_mechanism(folder)
+    assert mechanism.description.origin.conventions == ("mechanism.yaml", "<pin> elements")
+    assert_equal(mechanism, mechanisms["pkm_2rrr"])
+    (folder / "robot.urdf").write_text(tree.replace('b="tip_2"', 'b="tip_3"'))
+    with pytest.raises(InputError, match=r"robot\.urdf, closures\.0\.frames: There is no frame named 'tip_3'"):
+        load_mechanism(folder)
 
 
 def test_mechanism_yaml_goes_before_the_tree(tmp_path: Path) -> None:

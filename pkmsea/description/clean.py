@@ -109,8 +109,11 @@ def _inertia_notes(root: Element, file: Path) -> list[str]:
         if moments[2] > mass * (GYRATION * size) ** 2 and moments[2] > 0 and size > 0:
             raise MechanismError(
                 f"The inertia is that of a body {GYRATION:g} times larger than the mechanism.",
-                "Give it in kg m^2, and the mass in kg.", file=file, key=f"{key} inertia", value=moments[2],
-            )  # fmt: skip
+                "Give it in kg m^2, and the mass in kg.",
+                file=file,
+                key=f"{key} inertia",
+                value=moments[2],
+            )
         if moments[2] > (moments[0] + moments[1]) * (1 + TRIANGLE):
             notes.append(f"link '{name}': no rigid body has this inertia, one moment exceeds the sum of the others")
     return notes

@@ -25,6 +25,7 @@ class Origin(Record):
     ----------
     folder : where the mechanism lies.
     tree, sidecar : the file of links and joints; the YAML file beside it, None where there is none.
+    meshes : the folder from which mesh names of the tree count, from the root of the file system.
     urdf : the tree as a sidecar names it.
     conventions : labels of those that were met.
     in_sidecar, in_tree : the keys that each file says; what a sidecar says goes before what the tree says.
@@ -34,6 +35,7 @@ class Origin(Record):
     folder: Path
     tree: Path
     sidecar: Path | None = None
+    meshes: Path
     urdf: str
     conventions: tuple[str, ...] = ()
     in_sidecar: tuple[str, ...] = ()

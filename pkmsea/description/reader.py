@@ -56,6 +56,7 @@ def _origin(said: Source) -> Origin:
         folder=said.folder,
         tree=said.tree,
         sidecar=said.sidecar,
+        meshes=said.tree.parent.absolute(),
         urdf=said.draft.urdf or said.tree.name,
         conventions=said.labels,
         in_sidecar=said.in_sidecar,

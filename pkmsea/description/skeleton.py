@@ -115,8 +115,9 @@ def _save(folder: Path, content: str, mode: Literal["x", "a"]) -> Path:
     except OSError as error:
         raise InputError(
             f"The file cannot be written ({error.strerror}).",
-            "Work on a copy: 'pkmsea new FOLDER --urdf FILE' makes one.", file=file,
-        ) from error  # fmt: skip
+            "Work on a copy: 'pkmsea new FOLDER --urdf FILE' makes one.",
+            file=file,
+        ) from error
     return file
 
 

@@ -110,16 +110,20 @@ def _find_tree(folder: Path, named: str | None, sidecar: Path | None) -> Path:
             raise MechanismError(
                 "The file that 'urdf' names is not in the mechanism's folder.",
                 f"Put it there, correct the name, or name a robot as '{robots.PACKAGE}/ur5_robot.urdf'.",
-                file=sidecar, key="urdf", value=named,
-            )  # fmt: skip
+                file=sidecar,
+                key="urdf",
+                value=named,
+            )
         return tree
     found = _trees(folder)
     if len(found) != 1:
         names = ", ".join(tree.name for tree in found[:5]) or "none"
         raise MechanismError(
             f"The folder holds {len(found)} files of links and joints ({names}).",
-            f"Give the file itself, or name one in {SIDECAR} with the key 'urdf'.", file=folder, key="urdf",
-        )  # fmt: skip
+            f"Give the file itself, or name one in {SIDECAR} with the key 'urdf'.",
+            file=folder,
+            key="urdf",
+        )
     return found[0]
 
 

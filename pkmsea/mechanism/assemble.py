@@ -13,8 +13,9 @@ from pkmsea.bridge import TreeFunctions, frame_id, tree_functions
 from pkmsea.description import CompleteDescription, Description, read
 from pkmsea.errors import BridgeError, MechanismError, NameNotFound
 from pkmsea.mechanism import closures, plane, propose
+from pkmsea.mechanism.loops import Loops
 from pkmsea.mechanism.mechanism import Mechanism
-from pkmsea.mechanism.mobility import Loops, close_loops
+from pkmsea.mechanism.mobility import close_loops
 from pkmsea.mechanism.model import build_model
 
 AXES = {"x": 0, "y": 1, "z": 2}

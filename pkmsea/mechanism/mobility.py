@@ -1,89 +1,27 @@
-"""Mobility, independent rows and independent coordinates, by rank at closed, generic poses."""
+"""Closing the loops: a seed, the rows of Phi that are independent, and so the mobility, by rank at generic poses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import qr
 
 from pkmsea.description import Description
 from pkmsea.errors import MechanismError
 from pkmsea.mechanism import pose
+from pkmsea.mechanism.loops import Loops, independent_rows
 
-RANK = 1e-9  # a row adds nothing below this share of the largest; closures hold to 1e-12
 DOUBTFUL = 1e-6  # between the two, a rank comes from rounded numbers of a CAD export
 SINGULAR = 1e-8  # conditioning of a pose that is of no use as a seed
 IMPLIED = 1e-8  # rows that were left out must be closed to this where the others are
 SEARCH = 60  # random poses from which a seed is proposed
 NEAR = 0.2  # the neutral pose is preferred down to this share of the best one's value
-PREFERENCE = 0.1  # the drives' joints are preferred as coordinates down to this share of the best conditioning
 LIMIT = 2.0  # joints turn at most so far from zero in the search [rad, m]
 
 
 Worth = Callable[[np.ndarray, np.ndarray], float]  # of a pose q with the closure Jacobian G
-
-
-@dataclass(frozen=True, eq=False)
-class Loops:
-    """Closed loops: `rows` of Phi that are independent, fixed once; mobility delta = n - len(rows).
-
-    Attributes
-    ----------
-    seed : a closed pose (n,); `proposed` says that it was searched for.
-    G : Jacobian of these rows at the seed and other generic closed poses (k, n - delta, n).
-    """
-
-    seed: np.ndarray
-    proposed: bool
-    rows: list[int]
-    G: np.ndarray
-
-    @property
-    def n(self) -> int:
-        return self.seed.size
-
-    @property
-    def mobility(self) -> int:
-        return self.n - len(self.rows)
-
-    def conditioning(self, joints: Sequence[int]) -> float:
-        """How well `joints` determine the motion, 0 to 1: median over the poses of the reciprocal condition number
-        of [G; S], where S picks the joints and G is scaled to their size."""
-        select = np.broadcast_to(np.eye(self.n)[list(joints)], (len(self.G), len(joints), self.n))
-        scale = max(float(np.abs(self.G).max(initial=0.0)), 1e-12)
-        return float(np.median(pose.reciprocal_condition(np.concatenate([self.G / scale, select], axis=1))))
-
-    def choose(self, among: Sequence[int]) -> list[int]:
-        """delta joints out of `among` that determine the motion best; fewer where they cannot."""
-        best: list[int] = []
-        for G in self.G[:: max(1, len(self.G) // 4)]:
-            basis = null_space(G, self.mobility)[list(among)]
-            rows, _ = independent_rows(basis)
-            chosen = [among[i] for i in rows]
-            if len(chosen) == self.mobility and (not best or self.conditioning(chosen) > self.conditioning(best)):
-                best = chosen
-        return best
-
-    def independent(self, preferred: Sequence[int]) -> list[int]:
-        """Minimal coordinates: out of the `preferred` joints unless others are much better conditioned."""
-        best, own = self.choose(range(self.n)), self.choose(list(dict.fromkeys(preferred)))
-        good = own and self.conditioning(own) >= PREFERENCE * self.conditioning(best)
-        return own if good else best
-
-
-def independent_rows(G: np.ndarray) -> tuple[list[int], float]:
-    """Rows that span the row space (QR with pivoting), in their order, and the share of the smallest one kept."""
-    if 0 in G.shape:
-        return [], 1.0
-    _, R, pivots = qr(G.T, pivoting=True, mode="economic")
-    diagonal = np.abs(np.diag(R))
-    rank = int(np.sum(diagonal > RANK * max(diagonal[0], 1.0)))
-    margin = float(diagonal[rank - 1] / max(diagonal[0], 1e-300)) if rank else 1.0
-    return sorted(int(i) for i in pivots[:rank]), margin
 
 
 def close_loops(
@@ -217,9 +155,3 @@ def _stays_open(every_row: ca.Function, guess: np.ndarray, description: Descript
         "Give joint positions near a closed pose under 'seed'; check frames, types and plane of the closures.",
         **description.where("seed"),
     )
-
-
-def null_space(G: np.ndarray, dimension: int) -> np.ndarray:
-    """Orthonormal basis of the motions that keep the loops closed, (n, dimension)."""
-    _, _, Vt = np.linalg.svd(G.reshape(-1, G.shape[-1]), full_matrices=True)
-    return np.asarray(Vt[Vt.shape[0] - dimension :].T)

@@ -14,7 +14,7 @@ from pkmsea.description import CompleteDescription, Description, EndEffector
 from pkmsea.errors import MechanismError, NameNotFound
 from pkmsea.files import parse
 from pkmsea.mechanism import pose
-from pkmsea.mechanism.mobility import Loops
+from pkmsea.mechanism.loops import Loops
 
 WORTH = 0.02  # conditioning from which drives or an end effector are proposed
 CANDIDATES = 8  # frames that are tried as end effector

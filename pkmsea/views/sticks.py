@@ -16,9 +16,9 @@ COLOR = "0.45 0.55 0.65 1"
 
 def drawn(mechanism: Mechanism) -> str:
     """The URDF of a mechanism with something to see at each moving link, meshes by their absolute path."""
-    tree = mechanism.description.origin.tree
-    root = parse_text(mechanism.description.tree.encode(), tree)
-    meshes.resolve_all(root, tree.parent)
+    description = mechanism.description
+    root = parse_text(description.tree.encode(), description.origin.tree)
+    meshes.resolve_all(root, description.origin.meshes)
     _add(root, mechanism.model)
     return etree.tostring(root, encoding="unicode")
 

@@ -29,9 +29,12 @@ def read(data: dict[str, Any], file: Path) -> dict[str, Any]:
         types = ["3d"] * len(pairs)
     if not isinstance(types, list) or len(types) != len(pairs):
         raise InputError(
-            f"There must be one type per closed loop, {len(pairs)}.", f"Use {' or '.join(TYPES)} for each.",
-            file=file, key="type", value=types,
-        )  # fmt: skip
+            f"There must be one type per closed loop, {len(pairs)}.",
+            f"Use {' or '.join(TYPES)} for each.",
+            file=file,
+            key="type",
+            value=types,
+        )
     for i, kind in enumerate(types):
         if str(kind).lower() not in TYPES:
             raise InputError(

@@ -24,8 +24,9 @@ def read(root: Element, file: Path) -> dict[str, Any]:
                 raise MechanismError(
                     f"The closing frame has no partner '{name}_{side}'.",
                     "Export both frames, or rename this link if it closes no loop.",
-                    file=file, key=f"link '{name}_{'21'[int(side) - 1]}'",
-                )  # fmt: skip
+                    file=file,
+                    key=f"link '{name}_{'21'[int(side) - 1]}'",
+                )
     if not names:
         return {}
     return {"closures": [{"name": name, "frames": (f"{name}_1", f"{name}_2"), "type": "point"} for name in names]}

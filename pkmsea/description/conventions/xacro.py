@@ -33,8 +33,9 @@ def read(root: Element, file: Path) -> tuple[Element, dict[str, Any]]:
     except ImportError:
         raise MechanismError(
             "This is a xacro file, and xacrodoc is not installed.",
-            "Run 'pip install xacrodoc', or give the expanded URDF.", file=file,
-        ) from None  # fmt: skip
+            "Run 'pip install xacrodoc', or give the expanded URDF.",
+            file=file,
+        ) from None
     try:
         text = XacroDoc.from_file(str(file), resolve_packages=False).to_urdf_string()
     except Exception as error:
