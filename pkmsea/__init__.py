@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pkmsea.actuation import Actuation, Drive, flat_map
+    from pkmsea.description import Description
     from pkmsea.errors import PkmseaError
-    from pkmsea.mechanism import Mechanism, load_mechanism
+    from pkmsea.mechanism import Mechanism, build_mechanism, load_mechanism
     from pkmsea.problem import Problem, build_problem
     from pkmsea.solution import Audit, Solution, solve, solve_all
     from pkmsea.solution.export import export
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
 
 _WHERE = {
     "Actuation": "actuation", "Drive": "actuation", "flat_map": "actuation",
+    "Description": "description",
     "PkmseaError": "errors",
-    "Mechanism": "mechanism", "load_mechanism": "mechanism",
+    "Mechanism": "mechanism", "build_mechanism": "mechanism", "load_mechanism": "mechanism",
     "Problem": "problem", "build_problem": "problem",
     "Audit": "solution", "Solution": "solution", "solve": "solution", "solve_all": "solution",
     "export": "solution.export", "load_solution": "solution.store:load",
@@ -37,10 +39,11 @@ _WHERE = {
 }  # fmt: skip
 
 __all__ = [
-    "Actuation", "Audit", "Cycle", "Drive", "Limits", "Mechanism", "OperatingPoint", "Optimality", "Optimum", "Options",
-    "PkmseaError", "Problem", "Setup", "Solution", "Study", "StudyResult", "Task", "Transcription", "Verification",
-    "build_problem", "calibrate", "export", "flat_map", "load_mechanism", "load_solution", "load_study", "load_task",
-    "run_study", "solve", "solve_all", "transcribe", "verify",
+    "Actuation", "Audit", "Cycle", "Description", "Drive", "Limits", "Mechanism", "OperatingPoint", "Optimality",
+    "Optimum", "Options", "PkmseaError", "Problem", "Setup", "Solution", "Study", "StudyResult", "Task",
+    "Transcription", "Verification", "build_mechanism", "build_problem", "calibrate", "export", "flat_map",
+    "load_mechanism", "load_solution", "load_study", "load_task", "run_study", "solve", "solve_all", "transcribe",
+    "verify",
 ]  # fmt: skip
 
 

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
+from pkmsea.description import find, meshes, skeleton
+from pkmsea.description.conventions import xacro
+from pkmsea.description.sidecar import SIDECAR
+from pkmsea.description.source import Source, read_source
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.files import write_whole
-from pkmsea.mechanism import Mechanism, load_mechanism, meshes, skeleton
-from pkmsea.mechanism.conventions import SIDECAR, Source, mjcf, read_source, xacro
-from pkmsea.mechanism.urdf import find
+from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.mechanism.workspace import reach, size
 
 TASK = "task.yaml"
@@ -39,10 +41,13 @@ def new(folder: Path, tree: Path | None) -> list[Path]:
     except InputError as error:
         file = skeleton.write_incomplete(read_source(folder), error)
         raise InputError(
-            error.cause, f"{error.remedy} Then run 'pkmsea new {folder}' again.",
-            file=file or error.file, key=error.key, value=error.value,
-        ) from None  # fmt: skip
-    sidecar = skeleton.write(mechanism)
+            error.cause,
+            f"{error.remedy} Then run 'pkmsea new {folder}' again.",
+            file=file or error.file,
+            key=error.key,
+            value=error.value,
+        ) from None
+    sidecar = skeleton.write(mechanism.description)
     task = folder / TASK
     if task.exists():
         raise InputError("The file exists; it is not overwritten.", "Move it away first.", file=task)
@@ -57,13 +62,12 @@ def _take(folder: Path, path: Path) -> list[Path]:
     if folder.exists() and any(folder.iterdir()):
         raise InputError("The folder is not empty.", "Name a new one.", file=folder)
     copied = folder / source.tree.name
-    if source.tree.suffix == xacro.SUFFIX:
+    if source.tree.suffix in xacro.SUFFIXES:
         copied = copied.with_suffix("" if copied.stem.endswith(".urdf") else ".urdf")
         write_whole(copied, lambda temporary: temporary.write_bytes(etree.tostring(source.root)))
     else:
         _copy(source.tree, copied)
-    if mjcf.LABEL not in source.labels:
-        _take_meshes(folder, source)
+    _take_meshes(folder, source)
     if source.sidecar is None:
         return [copied]
     sidecar = folder / SIDECAR
@@ -71,7 +75,7 @@ def _take(folder: Path, path: Path) -> list[Path]:
         _copy(source.sidecar, sidecar)
     else:
         draft = source.draft.model_copy(update={"urdf": copied.name})
-        text = skeleton.text(draft, source.labels, ())
+        text = skeleton.draft_text(draft, source.labels)
         write_whole(sidecar, lambda temporary: temporary.write_text(text, encoding="utf-8"))
     return [copied, sidecar]
 
@@ -92,7 +96,7 @@ def task_text(mechanism: Mechanism) -> str:
     """A task for a mechanism: two points inside the workspace, rigid drives beside elastic ones of a plausible size."""
     points = operating_points(mechanism)
     way = float(np.linalg.norm(points[1] - points[0]))
-    end_effector = mechanism.sidecar.end_effector
+    end_effector = mechanism.description.end_effector
     cycle = [
         f"    - {{at: [{', '.join(_short(x, 3) for x in point)}], rest: {_short(REST * PERIOD)}, "
         f"window: {_short(WINDOW * way)}}}"
@@ -139,8 +143,10 @@ def operating_points(mechanism: Mechanism) -> list[np.ndarray]:
             return points
     raise InputError(
         "The seed is too close to a singularity or to the border of the workspace for a task around it.",
-        "Give another 'seed' in mechanism.yaml.", file=mechanism.origin.file, key="seed",
-    )  # fmt: skip
+        "Give another 'seed' in mechanism.yaml.",
+        file=mechanism.description.origin.sidecar,
+        key="seed",
+    )
 
 
 def box(points: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -172,7 +178,7 @@ def _drives(mechanism: Mechanism) -> tuple[list[str], list[str]]:
     felt = 1 / np.diag(H_A @ np.linalg.solve(M, H_A.T))
     w = 2 * np.pi / PERIOD
     lines: tuple[list[str], list[str]] = ([], [])
-    for joint, inertia in zip(mechanism.sidecar.actuated, felt, strict=True):
+    for joint, inertia in zip(mechanism.description.actuated, felt, strict=True):
         same = f"inertia: {_short(ROTOR * inertia)}, copper_loss: {_short(LOSS / (inertia * w))}"
         bounds = f"[{_short(SOFT * inertia * w**2)}, {_short(STIFF * inertia * w**2)}]"
         lines[0].append(f"      - {{kind: rigid, {same}}}  # {joint}")

@@ -45,13 +45,16 @@ def mjcf(robot: Robot) -> str:
     bodies = [world]
     for i in range(1, robot.model.njoints):
         bodies.append(_link(robot, i, bodies[robot.model.parents[i]]))
-    sidecar = robot.mechanism.sidecar
-    for name in {sidecar.end_effector.frame, *(name for closure in sidecar.closures for name in closure.frames)}:
+    description = robot.mechanism.description
+    for name in {
+        description.end_effector.frame,
+        *(name for closure in description.closures for name in closure.frames),
+    }:
         frame = robot.model.frames[frame_id(robot.model, name)]
         _add(bodies[frame.parentJoint], "site", name=f"site {name}", **_at(frame.placement))
     _rotors(robot, root, world)
     equality = _add(root, "equality")
-    for closure in sidecar.closures:
+    for closure in description.closures:
         first, second = (f"site {name}" for name in closure.frames)
         _add(equality, "weld" if closure.type == "frame" else "connect", site1=first, site2=second, **STIFF)
     return ElementTree.tostring(root, encoding="unicode")
@@ -101,7 +104,7 @@ def replay(robot: Robot, reference: Reference) -> Replay:
     data, motors = mujoco.MjData(model), _start(robot, reference.states[0], model)
     data.qpos, data.qvel = motors.q, motors.v
     kappa, feedback = robot.drives.actuation.numbers("copper_loss"), feedback_of(robot, reference)
-    tip, axes = model.site(f"site {robot.mechanism.sidecar.end_effector.frame}").id, robot.axes
+    tip, axes = model.site(f"site {robot.mechanism.description.end_effector.frame}").id, robot.axes
     grid = np.arange(CYCLES * STEPS + 1) * step
     ahead, middle = reference.drive(grid), reference.drive(grid + step / 2)[:, : len(motors.dofs)]
     follow = reference.motion.flat_output(grid)[:, : len(axes)]

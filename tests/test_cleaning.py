@@ -8,8 +8,9 @@ import five_bar
 import numpy as np
 import pytest
 
+from pkmsea.description import meshes
 from pkmsea.errors import InputError
-from pkmsea.mechanism import Mechanism, load_mechanism, meshes
+from pkmsea.mechanism import Mechanism, load_mechanism
 
 INERTIA = '<inertia ixx="{}" iyy="{}" izz="{}" ixy="0" ixz="0" iyz="0"/>'
 ROD = INERTIA.format(1.9872e-06, 0.000368, 0.000368)
@@ -66,7 +67,7 @@ def test_harmless(mechanisms: dict[str, Mechanism], tmp_path: Path, pairs: tuple
 def test_noted(tmp_path: Path, pairs: tuple, note: str) -> None:
     import re
 
-    notes = load_mechanism(edited(tmp_path / "robot", *pairs)).origin.notes
+    notes = load_mechanism(edited(tmp_path / "robot", *pairs)).description.notes
     assert any(re.search(note, line) for line in notes), notes
 
 

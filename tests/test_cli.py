@@ -11,7 +11,7 @@ import pytest
 import yaml
 from conftest import DIAGONAL, ELASTIC, RIGID
 
-from pkmsea.mechanism.urdf import find
+from pkmsea.description import find
 
 TASK = {
     "name": "test",

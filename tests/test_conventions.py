@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import five_bar
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 import yaml
 from conftest import ELASTIC, task
 
+from pkmsea.description import skeleton, source
 from pkmsea.errors import InputError, MechanismError
-from pkmsea.mechanism import Mechanism, load_mechanism, skeleton
+from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.solution import solve
 
 EQUAL = 1e-8  # relative, asked for; conventions differ by rounding of poses only
@@ -40,7 +42,7 @@ def assert_equal(mechanism: Mechanism, reference: Mechanism) -> None:
 def test_each_convention_is_the_same_mechanism(mechanisms: dict[str, Mechanism], name: str, tmp_path: Path) -> None:
     folder = five_bar.CONVENTIONS[name](tmp_path / "robot")
     mechanism = load_mechanism(folder)
-    assert (mechanism.mobility, mechanism.sidecar.actuated) == (2, ("A", "B"))
+    assert (mechanism.mobility, mechanism.description.actuated) == (2, ("A", "B"))
     assert_equal(mechanism, mechanisms["pkm_2rrr"])
 
 
@@ -53,11 +55,9 @@ def test_the_normalised_sidecar_is_the_same_mechanism(
     mechanism = load_mechanism(folder, guess=True)
     for file in folder.glob("*.yaml"):
         file.unlink()
-    (folder / "mechanism.yaml").write_text(
-        skeleton.text(mechanism.sidecar, mechanism.origin.conventions, mechanism.origin.proposed)
-    )
+    (folder / "mechanism.yaml").write_text(skeleton.text(mechanism.description))
     again = load_mechanism(folder)
-    assert again.sidecar.closures == mechanism.sidecar.closures
+    assert again.description.closures == mechanism.description.closures
     assert_equal(again, mechanisms["pkm_2rrr"])
 
 
@@ -126,11 +126,30 @@ def test_several_joints_of_one_mjcf_body(tmp_path: Path) -> None:
     np.testing.assert_allclose(mechanism.end_effector(np.array([0.1, 0.2, 0.3])), [0.1, 0.2, 1.3])
 
 
+def test_a_convention_is_one_entry_of_the_table(
+    mechanisms: dict[str, Mechanism], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A made-up mark, <pin a= b=/>, is read, named, and blamed for its faults once it stands in the table."""
+    convention = SimpleNamespace(
+        LABEL="<pin> elements",
+        read=lambda root, file: {"closures": [{"frames": (pin.get("a"), pin.get("b"))} for pin in root.findall("pin")]},
+    )
+    monkeypatch.setattr(source, "MARKS", (*source.MARKS, convention))
+    tree = five_bar.urdf(five_bar.Variant(), more='<pin a="tip_1" b="tip_2"/>')
+    folder = five_bar.write(tmp_path / "robot", "robot.urdf", tree, five_bar.sidecar(five_bar.Variant()))
+    mechanism = load_mechanism(folder)
+    assert mechanism.description.origin.conventions == ("mechanism.yaml", "<pin> elements")
+    assert_equal(mechanism, mechanisms["pkm_2rrr"])
+    (folder / "robot.urdf").write_text(tree.replace('b="tip_2"', 'b="tip_3"'))
+    with pytest.raises(InputError, match=r"robot\.urdf, closures\.0\.frames: There is no frame named 'tip_3'"):
+        load_mechanism(folder)
+
+
 def test_mechanism_yaml_goes_before_the_tree(tmp_path: Path) -> None:
     folder = five_bar.urdfplus(tmp_path / "robot")
     file = folder / "mechanism.yaml"
     file.write_text(yaml.safe_dump(yaml.safe_load(file.read_text()) | {"closures": []}))
-    assert load_mechanism(folder, guess=True).sidecar.closures == ()
+    assert load_mechanism(folder, guess=True).description.closures == ()
 
 
 def test_mimic_joints_are_couplings(mechanisms: dict[str, Mechanism], tmp_path: Path) -> None:

@@ -23,9 +23,9 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from pkmsea import cli, solution
+from pkmsea.description import find
 from pkmsea.errors import InputError, SolveError
 from pkmsea.files import LEFT_OVER, PARTIAL, write_whole
-from pkmsea.mechanism.urdf import find
 from pkmsea.problem import build_problem
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load

@@ -8,8 +8,8 @@ import five_bar
 import pytest
 from test_cli import expect, run
 
+from pkmsea.description.robots import find_robot
 from pkmsea.mechanism import load_mechanism
-from pkmsea.mechanism.robots import find_robot
 from pkmsea.new import new
 from pkmsea.solution import solve
 from pkmsea.task import load_task
@@ -43,7 +43,7 @@ def test_from_file_to_verified_cycle(name: str, tmp_path: Path) -> None:
     else:
         new(folder, file)
     if name == "ur5":
-        assert load_mechanism(folder).sidecar.end_effector.joints == tuple(load_mechanism(folder).joints)
+        assert load_mechanism(folder).description.end_effector.joints == tuple(load_mechanism(folder).joints)
         task.unlink()
         sidecar.write_text(sidecar.read_text() + locked)
         expect(run("new", folder), 2, "actuated: The joint 'wrist_1_joint' is locked", "left out, they are proposed")
@@ -64,13 +64,13 @@ def test_check_writes_once_and_completes(tmp_path: Path) -> None:
     assert "proposed" in process.stdout and "end_effector" in process.stdout
     text = (folder / "mechanism.yaml").read_text()
     assert "PROPOSED, correct it" in text and "actuated: [A, B]  # joint of each drive" in text
-    assert load_mechanism(folder).sidecar.end_effector.frame == "tool"
+    assert load_mechanism(folder).description.end_effector.frame == "tool"
     assert run("check", folder, "--write").returncode == 0
     assert (folder / "mechanism.yaml").read_text() == text
     (folder / "mechanism.yaml").write_text(text.replace("end_effector:", "# end_effector:"))
     expect(run("solve", new_task(folder)), 2, "end_effector", "missing", "--write")
     assert run("check", folder, "--write").returncode == 0
-    assert load_mechanism(folder).sidecar.end_effector.frame == "tool"
+    assert load_mechanism(folder).description.end_effector.frame == "tool"
 
 
 def new_task(folder: Path) -> Path:

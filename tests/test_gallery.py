@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from test_cli import expect, run
 
+from pkmsea.description.robots import PACKAGE, find_robot
 from pkmsea.mechanism import load_mechanism
-from pkmsea.mechanism.robots import PACKAGE, find_robot
 from pkmsea.solution import solve_all
 from pkmsea.task import load_task
 
@@ -61,7 +61,7 @@ def test_script(tmp_path: Path) -> None:
 def test_robots_by_name(tmp_path: Path) -> None:
     ur5 = find_robot(f"{PACKAGE}/ur5_robot.urdf")
     assert find_robot(f"{PACKAGE}/ur_description/urdf/ur5_robot.urdf") == ur5
-    assert load_mechanism(GALLERY / "ur5").origin.tree == ur5
+    assert load_mechanism(GALLERY / "ur5").description.origin.tree == ur5
     expect(run("check", f"{PACKAGE}/ur6.urdf"), 2, "'ur6.urdf'", "ur5_robot.urdf", "panda.urdf")
     expect(run("check", f"{PACKAGE}/anymal.urdf"), 2, "2 robots", "anymal_c_simple_description")
     sidecar = tmp_path / "mechanism.yaml"
@@ -69,4 +69,4 @@ def test_robots_by_name(tmp_path: Path) -> None:
     expect(run("check", tmp_path), 2, "mechanism.yaml, urdf", "ur6.urdf", "ur5_robot.urdf")
     sidecar.write_text(f"urdf: {PACKAGE}/TwoDofs.urdf\n")
     (tmp_path / PACKAGE).mkdir()  # as 'pkmsea new' makes one for meshes
-    assert load_mechanism(tmp_path, guess=True).origin.tree.name == "TwoDofs.urdf"
+    assert load_mechanism(tmp_path, guess=True).description.origin.tree.name == "TwoDofs.urdf"

@@ -78,7 +78,7 @@ def test_independent_joints_are_found_and_may_be_others(tmp_path: Path) -> None:
         ahead = mechanism.configuration([0.04 + STEP, 0.03])
         v_ind = ((ahead - q) / STEP)[mechanism.independent]
         energies.append(v_ind @ mechanism.mass_matrix(q) @ v_ind)
-        assert 0 < mechanism.origin.conditioning < 1
+        assert 0 < mechanism.conditioning < 1
     np.testing.assert_allclose(energies, energies[0], rtol=1e-4)  # one-sided difference
 
 
@@ -102,7 +102,7 @@ def test_a_seed_is_proposed_away_from_the_singular_neutral_pose(tmp_path: Path) 
     with pytest.raises(MechanismError, match=r"seed: No seed is declared, and the neutral pose is singular.*proposes"):
         load_mechanism(folder)
     mechanism = load_mechanism(folder, guess=True)
-    assert mechanism.mobility == 1 and "seed" in mechanism.origin.proposed
+    assert mechanism.mobility == 1 and "seed" in mechanism.description.origin.proposed
     assert min(mechanism.singularity(mechanism.seed)) > 0.05
 
 

@@ -120,12 +120,12 @@ def outcome(folder: Path) -> str:
     assert np.abs(mechanism.closure_residual(q)).max(initial=0) < CLOSED
     np.testing.assert_allclose(G @ H, 0, atol=1e-9 * np.abs(H).max())
     assert np.linalg.eigvalsh(mechanism.mass_matrix(q))[0] > 0
-    root = etree.parse(str(mechanism.origin.tree)).getroot()
+    root = etree.parse(str(mechanism.description.origin.tree)).getroot()
     if root.tag == "robot":  # nothing of the file is lost
         masses = [float(mass.get("value")) for mass in root.findall("link/inertial/mass")]
         assert sum(inertia.mass for inertia in mechanism.model.inertias) == pytest.approx(sum(masses))
         moving = {j.get("name") for j in root.findall("joint") if j.get("type") != "fixed"}
-        assert moving == {*mechanism.joints, *mechanism.sidecar.locked}
+        assert moving == {*mechanism.joints, *dict(mechanism.description.locked)}
     return "success"
 
 

@@ -21,9 +21,10 @@ from conftest import DIAGONAL, RIGID, task
 from typer.testing import CliRunner
 
 from pkmsea import cli
+from pkmsea.description import meshes
 from pkmsea.errors import InputError
 from pkmsea.files import MAX_DEPTH, file_name, read_yaml
-from pkmsea.mechanism import load_mechanism, meshes
+from pkmsea.mechanism import load_mechanism
 from pkmsea.problem import build_problem
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load

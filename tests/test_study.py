@@ -264,8 +264,8 @@ def test_bad_study_files(base: Path, change: dict[str, Any], key: str | None, te
 
 def test_changed_geometry(tmp_path: Path) -> None:
     """A joint moved, and a link stretched as a rod, arrive in the model."""
+    from pkmsea.description import find
     from pkmsea.mechanism import load_mechanism
-    from pkmsea.mechanism.urdf import find
     from pkmsea.study.geometry import changed_mechanism
 
     before = load_mechanism("pkm_2rrr")
@@ -289,8 +289,8 @@ def test_changed_geometry(tmp_path: Path) -> None:
 def test_drives_are_found_in_the_files_as_they_are(tmp_path: Path) -> None:
     """The sidecar names the drives in another order between two calls: each changes the drive that has the name."""
     from conftest import RIGID
-
     from pkmsea.mechanism.urdf import find
+
     from pkmsea.study.changes import changed_task
     from pkmsea.task import Task
 

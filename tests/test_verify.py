@@ -143,8 +143,8 @@ def test_free_motion_keeps_its_energy(tmp_path: Path, closure: str) -> None:
     """With gravity, without torque and friction; a pinned tip moves, a welded one moves as one body of mobility 1."""
     down = ("gravity: [0, 0, 0]", "gravity: [0, -9.81, 0]")
     mechanism = load_mechanism(copy_mechanism(tmp_path, sidecar=down))
-    closed = mechanism.sidecar.closures[0].model_copy(update={"type": closure})
-    mechanism = replace(mechanism, sidecar=mechanism.sidecar.model_copy(update={"closures": (closed,)}))
+    closed = mechanism.description.closures[0].model_copy(update={"type": closure})
+    mechanism = replace(mechanism, description=mechanism.description.model_copy(update={"closures": (closed,)}))
     free, q = robot(mechanism, ELASTIC | {"inertia": 4e-4}), mechanism.seed
     x = np.concatenate([q, np.zeros(4), q[mechanism.actuated] + [0.3, -0.2], np.zeros(2)])
     end = solve_ivp(lambda t, x: free.rate(t, x, np.zeros(2)), (0, 0.1), x, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]

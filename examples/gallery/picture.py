@@ -50,7 +50,7 @@ def draw(solved: list[list[pkmsea.Solution]], path: Path) -> None:
 def sketch(axes: Any, solutions: list[pkmsea.Solution]) -> None:
     """The links as lines in the operating points, and the paths of all setups."""
     mechanism = solutions[0].problem.actuation.mechanism
-    view = projection(mechanism.sidecar.end_effector.axes)
+    view = projection(mechanism.description.end_effector.axes)
     series, times = solutions[0].series, solutions[0].problem.cycle.times
     for time, color in zip(times, ("0.25", "0.75"), strict=False):
         for line in links(mechanism, series.q[np.abs(series.t - time).argmin()]):
@@ -80,18 +80,18 @@ def projection(followed: tuple[str, ...]) -> np.ndarray:
 
 
 def tip(mechanism: pkmsea.Mechanism, q: np.ndarray) -> np.ndarray:
-    return np.array(mechanism.tree.placement[mechanism.sidecar.end_effector.frame](q))[:3, 3]
+    return np.array(mechanism.tree.placement[mechanism.description.end_effector.frame](q))[:3, 3]
 
 
 def links(mechanism: pkmsea.Mechanism, q: np.ndarray) -> list[np.ndarray]:
     """Lines (2, 3): from each joint to the joints and named frames on its link; along the stroke of a sliding joint."""
-    model, sidecar = mechanism.model, mechanism.sidecar
+    model, description = mechanism.model, mechanism.description
     data = model.createData()
     pin.forwardKinematics(model, data, q)
     origin = [placement.translation for placement in data.oMi]
     root = [model.jointPlacements[i].translation for i in range(model.njoints)]
     lines = [(origin[model.parents[i]] if model.parents[i] else root[i], origin[i]) for i in range(1, model.njoints)]
-    named = {sidecar.end_effector.frame, *(name for closure in sidecar.closures for name in closure.frames)}
+    named = {description.end_effector.frame, *(name for closure in description.closures for name in closure.frames)}
     for frame in (model.frames[model.getFrameId(name)] for name in named):
         lines.append((origin[frame.parentJoint], data.oMi[frame.parentJoint].act(frame.placement.translation)))
     return [np.array(line) for line in lines]

@@ -119,7 +119,7 @@ class Actuation:
     @cached_property
     def labels(self) -> list[str]:
         """One name per drive: its joint's, numbered where a joint carries several."""
-        names = self.mechanism.sidecar.actuated
+        names = self.mechanism.description.actuated
         return [
             name if names.count(name) == 1 else f"{name} {names[: i + 1].count(name)}" for i, name in enumerate(names)
         ]
@@ -184,7 +184,7 @@ class Actuation:
     @cached_property
     def flat_outputs(self) -> list[str]:
         """Names of the flat output's entries."""
-        axes = [f"{axis}_E" for axis in self.mechanism.sidecar.end_effector.coordinates]
+        axes = [f"{axis}_E" for axis in self.mechanism.description.end_effector.coordinates]
         kinds = ["u" if i in self.damped else "q_M" if i in self.elastic else "tau" for i in range(self.m)]
         return axes + [f"{kinds[i]} {self.labels[i]}" for i in self.free]
 

@@ -21,7 +21,7 @@ def _point_mass(shape: Shape) -> ca.Function:
     """`payload_load` with symbols of its own, so that v and a may be expressions of q."""
     n, mechanism = shape.mechanism.model.nq, shape.mechanism
     q, v, a, mass = (ca.SX.sym(name, size) for name, size in (("q", n), ("v", n), ("a", n), ("mass", 1)))
-    J = mechanism.tree.jacobian[mechanism.sidecar.end_effector.frame](q)[:3, :]
+    J = mechanism.tree.jacobian[mechanism.description.end_effector.frame](q)[:3, :]
     acceleration = ca.mtimes(J, a) + ca.jtimes(ca.mtimes(J, v), q, v) - ca.DM(mechanism.model.gravity.linear)
     return ca.Function("point_mass", [q, v, a, mass], [ca.mtimes(J.T, mass * acceleration)])
 

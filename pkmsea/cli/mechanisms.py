@@ -29,10 +29,10 @@ def check(
 
     Drives, end effector and seed that its files leave open are proposed.
     """
+    from pkmsea.description import find, skeleton
+    from pkmsea.description.source import read_source
     from pkmsea.errors import InputError
-    from pkmsea.mechanism import load_mechanism, skeleton
-    from pkmsea.mechanism.conventions import read_source
-    from pkmsea.mechanism.urdf import find
+    from pkmsea.mechanism import load_mechanism
     from pkmsea.views import tables
 
     try:
@@ -42,7 +42,7 @@ def check(
             tell_written([file], json_)
         raise
     record = tables.mechanism_record(loaded)
-    if write and (file := skeleton.write(loaded)):
+    if write and (file := skeleton.write(loaded.description)):
         tell_written([file], json_)
     emit(record) if json_ else tables.print_mechanism(loaded, record)
 
@@ -63,8 +63,8 @@ def new(
 @app.command()
 def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")]) -> None:
     """Print the JSON Schema of a kind of file."""
+    from pkmsea.description.sidecar import Sidecar
     from pkmsea.files import Record
-    from pkmsea.mechanism.sidecar import Sidecar
     from pkmsea.study import Study
     from pkmsea.task import Task
 

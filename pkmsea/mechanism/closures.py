@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.bridge import TreeFunctions
-from pkmsea.mechanism.sidecar import Closure, Draft
+from pkmsea.description import Closure, Description
 
 
-def residual(q: ca.SX, tree: TreeFunctions, draft: Draft, joints: Sequence[str]) -> ca.SX:
+def residual(q: ca.SX, tree: TreeFunctions, description: Description, joints: Sequence[str]) -> ca.SX:
     """Phi(q), all rows, by closure and then by coupling.
 
     point      p_2 - p_1 in the world; with a declared plane its two in-plane rows, by a projector that is constant
@@ -19,9 +19,9 @@ def residual(q: ca.SX, tree: TreeFunctions, draft: Draft, joints: Sequence[str])
     frame      that, and the vee of the skew part of R_1^T R_2
     coupling   q_joint - ratio q_of - offset
     """
-    normal = draft.plane.normal if draft.plane else None
+    normal = description.plane.normal if description.plane else None
     rows = []
-    for closure in draft.closures:
+    for closure in description.closures:
         T1, T2 = (tree.placement[frame](q) for frame in closure.frames)
         gap = T2[:3, 3] - T1[:3, 3]
         rows.append(gap if normal is None else ca.mtimes(_across(normal), gap))
@@ -30,7 +30,7 @@ def residual(q: ca.SX, tree: TreeFunctions, draft: Draft, joints: Sequence[str])
             rows.append(ca.mtimes([_across(closure.axis), R, _unit(closure.axis)]))
         if closure.type == "frame":
             rows.append(ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / 2)
-    for coupling in draft.couplings:
+    for coupling in description.couplings:
         this, other = joints.index(coupling.joint), joints.index(coupling.of)
         rows.append(q[this] - coupling.ratio * q[other] - coupling.offset)
     return ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)

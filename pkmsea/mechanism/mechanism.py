@@ -1,78 +1,27 @@
-"""A mechanism: a tree with closed loops, in minimal coordinates, as named CasADi Functions and numpy calls."""
+"""A mechanism: a closed tree whose end effector can be placed."""
 
 from __future__ import annotations
 
 import pickle
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cached_property
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 from weakref import WeakValueDictionary
 
-import casadi as ca
 import numpy as np
-import pinocchio as pin
 
-from pkmsea.bridge import TreeFunctions
 from pkmsea.errors import one_line
 from pkmsea.mechanism import pose
-from pkmsea.mechanism.sidecar import Sidecar
-
-ActuationClass = Literal["fully actuated", "redundantly actuated", "underactuated"]
+from pkmsea.mechanism.closed_tree import ClosedTree
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Where a mechanism comes from.
+class Mechanism(ClosedTree):
+    """A tree with its loops closed, and the poses that its end effector asks for; see `ClosedTree`.
 
-    Attributes
-    ----------
-    tree, file : the file of links and joints; the sidecar, None where there is none.
-    conventions : in which it is written.
-    proposed : keys of the sidecar that no file says, and that were guessed or found.
-    notes : what was changed or left out in cleaning.
-    conditioning : of the independent coordinates at generic closed poses, 0 (useless) to 1.
+    Copies of one mechanism that come into a process are one object there, so that what is built for it is built once.
     """
-
-    tree: Path
-    file: Path | None
-    conventions: tuple[str, ...]
-    proposed: tuple[str, ...]
-    notes: tuple[str, ...]
-    conditioning: float
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Mechanism:
-    """A mechanism without its drives: M(q) a_ind + g(q, v_ind) = H_A^T u (paper, section 4.1.1).
-
-    All joint coordinates q have n entries, the minimal coordinates q_A,ind have delta, the drives' joints q_A have m.
-    Revolute coordinates are in rad, prismatic ones in m; forces follow in N m and N. Copies of one mechanism that come
-    into a process are one object there, so that what is built for it, and kept by it, is built once.
-
-    Attributes
-    ----------
-    name, folder, sidecar, model : where it comes from, and the tree as Pinocchio has it.
-    urdf : the cleaned URDF text, for the views.
-    functions : named casadi.Functions, see `pkmsea.mechanism.assemble`.
-    tree : Pinocchio's Functions of the open tree.
-    seed : a closed pose on the declared assembly mode (n,).
-    mobility : delta, from the rank of the closure Jacobian at closed, generic poses.
-    origin : its files, and what they left open.
-    """
-
-    name: str
-    folder: Path
-    sidecar: Sidecar
-    model: pin.Model
-    urdf: str
-    tree: TreeFunctions
-    functions: dict[str, ca.Function]
-    seed: np.ndarray
-    mobility: int
-    origin: Origin
 
     def __reduce__(self) -> tuple[Any, ...]:
         return shared, (self._pickled,)
@@ -87,34 +36,6 @@ class Mechanism:
         counts = f"{len(self.joints)} joints, mobility {self.mobility}, {len(self.actuated)} drives"
         return one_line(f"<Mechanism '{self.name}': {counts}, {self.actuation_class}>")
 
-    @property
-    def joints(self) -> list[str]:
-        """Names of all joints, in the order of q (n)."""
-        return list(self.model.names)[1:]
-
-    @cached_property
-    def actuated(self) -> list[int]:
-        """Index into q of each drive's joint (m); one joint may carry several drives."""
-        return [self.joints.index(name) for name in self.sidecar.actuated]
-
-    @cached_property
-    def independent(self) -> list[int]:
-        """Index into q of each minimal coordinate (delta)."""
-        return [self.joints.index(name) for name in self.sidecar.independent]
-
-    @cached_property
-    def revolute(self) -> list[bool]:
-        """Whether each joint turns (n); the others slide."""
-        return [not joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]]
-
-    @property
-    def actuation_class(self) -> ActuationClass:
-        """Compares the number m of drives with the mobility delta (paper, definition 1)."""
-        m = len(self.actuated)
-        if m == self.mobility:
-            return "fully actuated"
-        return "redundantly actuated" if m > self.mobility else "underactuated"
-
     def configuration(self, point: Sequence[float] | np.ndarray) -> np.ndarray:
         """All joints q (n,) with the end effector at a task-space point [m], on the declared assembly mode.
 
@@ -127,30 +48,6 @@ class Mechanism:
         """
         return pose.follow(self, np.atleast_1d(np.asarray(point, float)))
 
-    def end_effector(self, q: np.ndarray) -> np.ndarray:
-        """r_E(q) [m], along the declared axes."""
-        return self._call("end_effector", q).ravel()
-
-    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """M(q) = H^T M_tree H, (delta, delta)."""
-        return self._call("mass_matrix", q)
-
-    def bias(self, q: np.ndarray, v_ind: np.ndarray) -> np.ndarray:
-        """g(q, v_ind) = H^T rnea(q, H v_ind, dH/dt v_ind), (delta,): all forces but inertia's and the drives'."""
-        return self._call("bias", q, v_ind).ravel()
-
-    def velocity_map(self, q: np.ndarray) -> np.ndarray:
-        """H(q), (n, delta), with v = H v_ind."""
-        return self._call("velocity_map", q)
-
-    def actuation_jacobian(self, q: np.ndarray) -> np.ndarray:
-        """H_A(q), (m, delta), with v_A = H_A v_ind: the rows of H at the drives."""
-        return self._call("actuation_jacobian", q)
-
-    def closure_residual(self, q: np.ndarray) -> np.ndarray:
-        """Phi(q), (n - delta,): zero where the loops are closed [m]."""
-        return self._call("closure_residual", q).ravel()
-
     def singularity(self, q: np.ndarray) -> tuple[float, float]:
         """Distance to singularities of both types, in [0, 1]; zero at one.
 
@@ -160,9 +57,6 @@ class Mechanism:
         """
         inverse, direct = pose.singularity(self, q[None])
         return float(inverse[0]), float(direct[0])
-
-    def _call(self, function: str, *arguments: np.ndarray) -> np.ndarray:
-        return np.array(self.functions[function](*arguments))
 
 
 _known: WeakValueDictionary[bytes, Mechanism] = WeakValueDictionary()  # by pickled content

@@ -1,94 +1,31 @@
-"""Mobility, independent rows and independent coordinates, by rank at closed, generic poses."""
+"""Closing the loops: a seed, the rows of Phi that are independent, and so the mobility, by rank at generic poses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import qr
 
+from pkmsea.description import Description
 from pkmsea.errors import MechanismError
 from pkmsea.mechanism import pose
-from pkmsea.mechanism.conventions import Source
+from pkmsea.mechanism.loops import Loops, independent_rows
 
-RANK = 1e-9  # a row adds nothing below this share of the largest; closures hold to 1e-12
 DOUBTFUL = 1e-6  # between the two, a rank comes from rounded numbers of a CAD export
 SINGULAR = 1e-8  # conditioning of a pose that is of no use as a seed
 IMPLIED = 1e-8  # rows that were left out must be closed to this where the others are
 SEARCH = 60  # random poses from which a seed is proposed
 NEAR = 0.2  # the neutral pose is preferred down to this share of the best one's value
-PREFERENCE = 0.1  # the drives' joints are preferred as coordinates down to this share of the best conditioning
 LIMIT = 2.0  # joints turn at most so far from zero in the search [rad, m]
 
 
 Worth = Callable[[np.ndarray, np.ndarray], float]  # of a pose q with the closure Jacobian G
 
 
-@dataclass(frozen=True, eq=False)
-class Loops:
-    """Closed loops: `rows` of Phi that are independent, fixed once; mobility delta = n - len(rows).
-
-    Attributes
-    ----------
-    seed : a closed pose (n,); `proposed` says that it was searched for.
-    G : Jacobian of these rows at the seed and other generic closed poses (k, n - delta, n).
-    """
-
-    seed: np.ndarray
-    proposed: bool
-    rows: list[int]
-    G: np.ndarray
-
-    @property
-    def n(self) -> int:
-        return self.seed.size
-
-    @property
-    def mobility(self) -> int:
-        return self.n - len(self.rows)
-
-    def conditioning(self, joints: Sequence[int]) -> float:
-        """How well `joints` determine the motion, 0 to 1: median over the poses of the reciprocal condition number
-        of [G; S], where S picks the joints and G is scaled to their size."""
-        select = np.broadcast_to(np.eye(self.n)[list(joints)], (len(self.G), len(joints), self.n))
-        scale = max(float(np.abs(self.G).max(initial=0.0)), 1e-12)
-        return float(np.median(pose.reciprocal_condition(np.concatenate([self.G / scale, select], axis=1))))
-
-    def choose(self, among: Sequence[int]) -> list[int]:
-        """delta joints out of `among` that determine the motion best; fewer where they cannot."""
-        best: list[int] = []
-        for G in self.G[:: max(1, len(self.G) // 4)]:
-            basis = null_space(G, self.mobility)[list(among)]
-            rows, _ = independent_rows(basis)
-            chosen = [among[i] for i in rows]
-            if len(chosen) == self.mobility and (not best or self.conditioning(chosen) > self.conditioning(best)):
-                best = chosen
-        return best
-
-    def independent(self, preferred: Sequence[int]) -> list[int]:
-        """Minimal coordinates: out of the `preferred` joints unless others are much better conditioned."""
-        best, own = self.choose(range(self.n)), self.choose(list(dict.fromkeys(preferred)))
-        good = own and self.conditioning(own) >= PREFERENCE * self.conditioning(best)
-        return own if good else best
-
-
-def independent_rows(G: np.ndarray) -> tuple[list[int], float]:
-    """Rows that span the row space (QR with pivoting), in their order, and the share of the smallest one kept."""
-    if 0 in G.shape:
-        return [], 1.0
-    _, R, pivots = qr(G.T, pivoting=True, mode="economic")
-    diagonal = np.abs(np.diag(R))
-    rank = int(np.sum(diagonal > RANK * max(diagonal[0], 1.0)))
-    margin = float(diagonal[rank - 1] / max(diagonal[0], 1e-300)) if rank else 1.0
-    return sorted(int(i) for i in pivots[:rank]), margin
-
-
 def close_loops(
-    every_row: ca.Function, sense: ca.Function, model: pin.Model, source: Source, worth: Worth | None
+    every_row: ca.Function, sense: ca.Function, model: pin.Model, description: Description, worth: Worth | None
 ) -> Loops:
     """Close the loops from the declared seed, else from the neutral pose; with `worth`, propose a seed if needed: a
     pose away from singularities at which the end effector can follow the motion.
@@ -98,20 +35,21 @@ def close_loops(
     MechanismError : the loops do not close, the seed is singular, closures contradict each other, nothing can move.
     """
     joints = list(model.names)[1:]
-    where: dict[str, Any] = {"file": source.where("seed"), "key": "seed"}
-    guess = np.array([(source.draft.seed or {}).get(name, 0.0) for name in joints])
+    declared = dict(description.seed or ())
+    guess = np.array([declared.get(name, 0.0) for name in joints])
     seed = _closed(every_row, sense, guess)
-    far = _spread(every_row, sense, model, source) if worth and source.draft.seed is None else []
+    far = _spread(every_row, sense, model, description) if worth and description.seed is None else []
     if seed is None and not far:
-        raise _stays_open(every_row, guess, source)
+        raise _stays_open(every_row, guess, description)
     start = far[0] if seed is None else seed
     poses = [*([] if seed is None else [seed]), *_scatter(every_row, sense, start), *far]
-    rows = _fixed_rows(every_row, poses, source)
+    rows = _fixed_rows(every_row, poses, description)
     if len(rows) == model.nq:
         raise MechanismError(
-            "The closed mechanism cannot move.", "Remove a closure, a coupling, or a lock.",
-            file=source.where("closures"), key="closures",
-        )  # fmt: skip
+            "The closed mechanism cannot move.",
+            "Remove a closure, a coupling, or a lock.",
+            **description.where("closures"),
+        )
     proposed = False
     if far and worth:
         value = [worth(q, np.array(every_row(q)[1])[rows]) for q in poses]
@@ -120,14 +58,14 @@ def close_loops(
     if _quality(every_row, start, rows) < SINGULAR:
         raise MechanismError(
             "The seed pose is singular: the loops lose rank there."
-            if source.draft.seed
+            if description.seed
             else "No seed is declared, and the neutral pose is singular.",
             "Give joint positions near a generic closed pose ('pkmsea check' proposes one where none is declared).",
-            **where,
+            **description.where("seed"),
         )
     near = [start, *_scatter(every_row, sense, start)]
     generic = [q for q in near if _quality(every_row, q, rows) > SINGULAR]
-    _check_implied(every_row, rows, generic, source)
+    _check_implied(every_row, rows, generic, description)
     return Loops(start, proposed, rows, np.array([np.array(every_row(q)[1])[rows] for q in generic]))
 
 
@@ -140,13 +78,13 @@ def _scatter(every_row: ca.Function, sense: ca.Function, seed: np.ndarray) -> li
     return [q for q in pose.scatter(every_row, seed) if np.all(np.array(sense(q)) > 0)]
 
 
-def _spread(every_row: ca.Function, sense: ca.Function, model: pin.Model, source: Source) -> list[np.ndarray]:
+def _spread(every_row: ca.Function, sense: ca.Function, model: pin.Model, description: Description) -> list[np.ndarray]:
     """Closed poses all over the joints' ranges, from a fixed random sequence."""
     rng = np.random.default_rng(0)
     low, high = np.maximum(model.lowerPositionLimit, -LIMIT), np.minimum(model.upperPositionLimit, LIMIT)
     starts = rng.uniform(low, np.maximum(low, high), (SEARCH, model.nq))
     found = [q for q in (_closed(every_row, sense, start) for start in starts) if q is not None]
-    return found if source.draft.couplings else [_wrap(q, model) for q in found]
+    return found if description.couplings else [_wrap(q, model) for q in found]
 
 
 def _wrap(q: np.ndarray, model: pin.Model) -> np.ndarray:
@@ -170,7 +108,7 @@ def _inside(poses: list[np.ndarray], value: list[float], model: pin.Model) -> np
     return poses[max(range(len(poses)), key=lambda i: (inside[i] or not any(inside), value[i]))]
 
 
-def _fixed_rows(every_row: ca.Function, poses: list[np.ndarray], source: Source) -> list[int]:
+def _fixed_rows(every_row: ca.Function, poses: list[np.ndarray], description: Description) -> list[int]:
     """Rows of largest rank, well conditioned at most of the poses."""
     jacobians = [np.array(every_row(q)[1]) for q in poses]
     ranked = [independent_rows(G) for G in jacobians]
@@ -181,8 +119,8 @@ def _fixed_rows(every_row: ca.Function, poses: list[np.ndarray], source: Source)
             f"The closures are almost dependent (by a part in {1 / max(candidates.values()):.0e}), as rounded numbers "
             "make them, so that the mobility is in doubt.",
             "Use closures of fewer rows (type point, and a plane where all moves in one), or more digits.",
-            file=source.where("closures"), key="closures",
-        )  # fmt: skip
+            **description.where("closures"),
+        )
     if not rank:
         return []
     return list(
@@ -190,7 +128,7 @@ def _fixed_rows(every_row: ca.Function, poses: list[np.ndarray], source: Source)
     )
 
 
-def _check_implied(every_row: ca.Function, rows: list[int], poses: list[np.ndarray], source: Source) -> None:
+def _check_implied(every_row: ca.Function, rows: list[int], poses: list[np.ndarray], description: Description) -> None:
     """Where the kept rows are closed, so must be the others; else they meet at single poses only."""
     if len(rows) == every_row.size1_out(0):
         return
@@ -205,21 +143,15 @@ def _check_implied(every_row: ca.Function, rows: list[int], poses: list[np.ndarr
             raise MechanismError(
                 "Some closures hold together at single poses only.",
                 "Check frames and axes; use type point where a revolute or frame closure asks too much.",
-                file=source.where("closures"), key="closures",
-            )  # fmt: skip
+                **description.where("closures"),
+            )
 
 
-def _stays_open(every_row: ca.Function, guess: np.ndarray, source: Source) -> MechanismError:
+def _stays_open(every_row: ca.Function, guess: np.ndarray, description: Description) -> MechanismError:
     gap = float(np.abs(np.array(every_row(guess)[0])).max(initial=0.0))
-    start = "the seed pose" if source.draft.seed else "the neutral pose, and no seed is declared"
+    start = "the seed pose" if description.seed else "the neutral pose, and no seed is declared"
     return MechanismError(
         f"The loops do not close from {start}; they stay open by up to {gap:.3g} m there.",
         "Give joint positions near a closed pose under 'seed'; check frames, types and plane of the closures.",
-        file=source.where("seed"), key="seed",
-    )  # fmt: skip
-
-
-def null_space(G: np.ndarray, dimension: int) -> np.ndarray:
-    """Orthonormal basis of the motions that keep the loops closed, (n, dimension)."""
-    _, _, Vt = np.linalg.svd(G.reshape(-1, G.shape[-1]), full_matrices=True)
-    return np.asarray(Vt[Vt.shape[0] - dimension :].T)
+        **description.where("seed"),
+    )

@@ -6,25 +6,25 @@ import numpy as np
 import pinocchio as pin
 
 from pkmsea.bridge import frame_id, joint_axis
+from pkmsea.description import Description
 from pkmsea.errors import MechanismError
-from pkmsea.mechanism.conventions import Source
 
 TILT = 1e-6  # sine of the angle that rounded numbers explain
 
 
-def check(model: pin.Model, q: np.ndarray, source: Source) -> None:
+def check(model: pin.Model, q: np.ndarray, description: Description) -> None:
     """Revolute joints of the loops turn about the normal, prismatic ones slide at right angles to it.
 
     Raises
     ------
     MechanismError : names the joint that does not.
     """
-    if source.draft.plane is None:
+    if description.plane is None:
         return
-    normal = np.array(source.draft.plane.normal) / np.linalg.norm(source.draft.plane.normal)
+    normal = np.array(description.plane.normal) / np.linalg.norm(description.plane.normal)
     data = model.createData()
     pin.forwardKinematics(model, data, q)
-    for i in sorted(_in_loops(model, source)):
+    for i in sorted(_in_loops(model, description)):
         axis, turning = joint_axis(model, i)
         along = abs(float((data.oMi[i].rotation @ axis / np.linalg.norm(axis)) @ normal))
         tilt = np.sqrt(max(1 - along**2, 0.0)) if turning else along
@@ -32,14 +32,14 @@ def check(model: pin.Model, q: np.ndarray, source: Source) -> None:
             raise MechanismError(
                 f"The joint '{model.names[i]}' does not move in the declared plane.",
                 "Correct its axis or the normal; or remove 'plane', so that point closures keep three rows.",
-                file=source.where("plane"), key="plane.normal", value=list(source.draft.plane.normal),
-            )  # fmt: skip
+                **description.where("plane", "plane.normal", list(description.plane.normal)),
+            )
 
 
-def _in_loops(model: pin.Model, source: Source) -> set[int]:
+def _in_loops(model: pin.Model, description: Description) -> set[int]:
     """Joints between the two frames of a closure."""
     found: set[int] = set()
-    for closure in source.draft.closures:
+    for closure in description.closures:
         sides = [set(model.supports[model.frames[frame_id(model, name)].parentJoint]) for name in closure.frames]
         found |= sides[0] ^ sides[1]
     return found

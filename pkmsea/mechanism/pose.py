@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from pkmsea.errors import InputError, Unreachable
-
-if TYPE_CHECKING:
-    from pkmsea.mechanism.mechanism import Mechanism
+from pkmsea.mechanism.closed_tree import ClosedTree
 
 Closure = Callable[[np.ndarray], Any]  # q to (Phi, G)
 
@@ -49,9 +47,9 @@ def scatter(closure: Closure, seed: np.ndarray) -> list[np.ndarray]:
 
 
 @lru_cache(maxsize=32)
-def task_system(mechanism: Mechanism) -> ca.Function:
+def task_system(mechanism: ClosedTree) -> ca.Function:
     """(Psi, A)(q) with Psi = [Phi; r_E] and A = dPsi/dq, (n, n): A v = [0; dr_E/dt]."""
-    axes, delta = len(mechanism.sidecar.end_effector.coordinates), mechanism.mobility
+    axes, delta = len(mechanism.description.end_effector.coordinates), mechanism.mobility
     if axes != delta:
         raise InputError(
             f"The end effector is followed in {axes} coordinates, but the mechanism has mobility {delta}.",
@@ -66,7 +64,7 @@ def task_system(mechanism: Mechanism) -> ca.Function:
 
 
 @lru_cache(maxsize=32)
-def pose_gap(mechanism: Mechanism) -> ca.Function:
+def pose_gap(mechanism: ClosedTree) -> ca.Function:
     """(q, y) -> A, gap, gap: how far Psi(q) is off [0; y]; Newton's step towards it is A^-1 gap."""
     q, y = ca.SX.sym("q", mechanism.model.nq), ca.SX.sym("y", mechanism.mobility)
     Psi, A = task_system(mechanism)(q)
@@ -74,13 +72,13 @@ def pose_gap(mechanism: Mechanism) -> ca.Function:
     return ca.Function("pose_gap", [q, y], ca.cse([A, gap, gap]), ["q", "y"], ["A", "gap", "right"])
 
 
-def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:
+def follow(mechanism: ClosedTree, point: np.ndarray) -> np.ndarray:
     """Continuation from the seed to `point` (see `Mechanism.configuration`)."""
     start = mechanism.end_effector(mechanism.seed)
     if point.shape != start.shape or not np.all(np.isfinite(point)):
         raise InputError(
             f"A point of this mechanism has {start.size} finite coordinates "
-            f"({', '.join(mechanism.sidecar.end_effector.coordinates)}).",
+            f"({', '.join(mechanism.description.end_effector.coordinates)}).",
             "Give them in m (rad for joints).", key="point", value=point.tolist(),
         )  # fmt: skip
     q, done = walk(mechanism, point)
@@ -90,7 +88,7 @@ def follow(mechanism: Mechanism, point: np.ndarray) -> np.ndarray:
 
 
 def walk(
-    mechanism: Mechanism, point: np.ndarray, allowed: Callable[[np.ndarray], bool] = lambda q: True
+    mechanism: ClosedTree, point: np.ndarray, allowed: Callable[[np.ndarray], bool] = lambda q: True
 ) -> tuple[np.ndarray, float]:
     """The pose farthest on the straight line from the seed to `point`, and its share of the way (to `RESOLUTION`).
 
@@ -128,7 +126,7 @@ def newton(system: ca.Function, q: np.ndarray, target: np.ndarray) -> np.ndarray
     return None
 
 
-def _unreachable(mechanism: Mechanism, point: np.ndarray, reached: np.ndarray) -> Unreachable:
+def _unreachable(mechanism: ClosedTree, point: np.ndarray, reached: np.ndarray) -> Unreachable:
     return Unreachable(
         f"The mechanism '{mechanism.name}' cannot reach the point {_text(point)} on its assembly mode; on the way "
         f"from its seed it gets as far as {_text(reached)}.",
@@ -141,7 +139,7 @@ def _text(point: np.ndarray) -> str:
     return "[" + ", ".join(f"{x:.4g}" for x in point) + "]"
 
 
-def singularity(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def singularity(mechanism: ClosedTree, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Reciprocal condition numbers of [G; J_E] and [G; S_A] at poses q (k, n), see `Mechanism.singularity`.
 
     Rows of lengths are divided by the mechanism's own scale, the largest entry of its A, to compare with joints.
@@ -156,7 +154,7 @@ def singularity(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.nda
     return reciprocal_condition(A / scale), reciprocal_condition(direct)
 
 
-def _select(mechanism: Mechanism) -> np.ndarray:
+def _select(mechanism: ClosedTree) -> np.ndarray:
     """S_A, (m, n): picks q_A out of q."""
     return np.eye(mechanism.model.nq)[mechanism.actuated]
 

@@ -6,11 +6,11 @@ import os
 from functools import lru_cache
 from pathlib import Path
 
+from pkmsea.description import find, shipped
+from pkmsea.description.sidecar import SIDECAR
 from pkmsea.errors import InputError, blaming
 from pkmsea.files import parse
 from pkmsea.mechanism import Mechanism, load_mechanism
-from pkmsea.mechanism.conventions import SIDECAR
-from pkmsea.mechanism.urdf import find, shipped
 from pkmsea.problem.problem import Problem
 from pkmsea.task import Setup, Task, load_task
 
@@ -73,7 +73,8 @@ def _loaded(source: Path, files: tuple[tuple[Path, int, int], ...]) -> Mechanism
 
 def _source_of(mechanism: Mechanism) -> str:
     """What a task calls a mechanism: its name if pkmsea ships it, else its folder, or the file that stands alone."""
-    folder, file = mechanism.folder.resolve(), mechanism.origin.file or mechanism.origin.tree
+    origin = mechanism.description.origin
+    folder, file = origin.folder.resolve(), origin.sidecar or origin.tree
     if folder.name in shipped() and folder == find(folder.name).resolve():
         return folder.name
     return str(folder if file.name == SIDECAR else file.resolve())

@@ -74,7 +74,7 @@ class Problem:
             self._check_name(key)
         one_for_all = len(self.mechanism.actuated) if len(self.drives) == 1 else 1
         object.__setattr__(self, "drives", tuple(self.drives) * one_for_all)
-        axes = self.mechanism.sidecar.end_effector.coordinates
+        axes = self.mechanism.description.end_effector.coordinates
         if len(self.cycle.points[0].at) != len(axes):
             raise InputError(
                 f"The operating points have {len(self.cycle.points[0].at)} coordinates, but the end effector of "
@@ -118,7 +118,7 @@ class Problem:
     @cached_property
     def bounds(self) -> tuple[Bound, ...]:
         """Limits of the end effector, the joints and the drives."""
-        axes = [str(axis) for axis in self.mechanism.sidecar.end_effector.coordinates]
+        axes = [str(axis) for axis in self.mechanism.description.end_effector.coordinates]
         return (
             *_bounds("end_effector", ("r_E", "dr_E", "ddr_E"), axes, self.limits),
             *_bounds("joints", ("q", "dq", "ddq"), self.mechanism.joints, self.limits),

@@ -106,7 +106,7 @@ def _columns(problem: Problem, s: Series) -> list[tuple[str, str, str, np.ndarra
                 (f"v_shaft_{name}", "rad/s", f"motor speed {of}, at its own shaft", ratio * s.v_M[:, i]),
                 (f"tau_shaft_{name}", "N m", f"motor torque {of}, at its own shaft", s.tau[:, i] / ratio),
             ]
-    followed = mechanism.sidecar.end_effector
+    followed = mechanism.description.end_effector
     for k, (axis, name) in enumerate(zip(followed.coordinates, _names(list(followed.coordinates)), strict=True)):
         turning = bool(followed.joints) and mechanism.revolute[mechanism.joints.index(axis)]
         found.append((f"{name}_E", UNITS[turning][0], f"end effector, {axis}", s.r_E[:, k]))

@@ -73,7 +73,7 @@ def to_dataset(solution: Solution) -> xr.Dataset:
         "time": xr.Variable("time", s.t, {"units": "s"}),
         "drive": actuation.labels,
         "joint": mechanism.joints,
-        "axis": list(mechanism.sidecar.end_effector.coordinates),
+        "axis": list(mechanism.description.end_effector.coordinates),
         "output": actuation.flat_outputs,
         "joint_unit": ("joint", angle),
         "force_unit": ("drive", force),

@@ -8,10 +8,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pkmsea.description import find
+from pkmsea.description.source import read_source
 from pkmsea.errors import NameNotFound
 from pkmsea.files import parse
-from pkmsea.mechanism.conventions import read_source
-from pkmsea.mechanism.urdf import find
 from pkmsea.study.geometry import changed_mechanism
 from pkmsea.study.keys import Missing, assign
 from pkmsea.task import Task

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pkmsea.mechanism.urdf import find
+from pkmsea.description import find
 from pkmsea.study.study import Study
 
 PACKAGES = ("pkmsea", "casadi", "pin", "numpy", "scipy")

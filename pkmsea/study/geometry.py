@@ -21,10 +21,11 @@ import numpy as np
 import yaml
 from lxml import etree
 
+from pkmsea.description import xml
+from pkmsea.description.sidecar import SIDECAR
+from pkmsea.description.source import read_source
 from pkmsea.errors import InputError
 from pkmsea.files import read_yaml
-from pkmsea.mechanism import xml
-from pkmsea.mechanism.conventions import SIDECAR, read_source
 from pkmsea.study.keys import Missing, assign
 
 XYZ, RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")

@@ -76,22 +76,22 @@ class Robot:
 
     @cached_property
     def constrained(self) -> bool:
-        sidecar = self.mechanism.sidecar
+        sidecar = self.mechanism.description
         return bool(sidecar.closures or sidecar.couplings)
 
     @cached_property
     def end_effector_frame(self) -> int:
-        return frame_id(self.model, self.mechanism.sidecar.end_effector.frame)
+        return frame_id(self.model, self.mechanism.description.end_effector.frame)
 
     @cached_property
     def axes(self) -> list[int]:
         """World axes along which the end effector is followed; none where joints are followed in place of it."""
-        return [AXES.index(axis) for axis in self.mechanism.sidecar.end_effector.axes]
+        return [AXES.index(axis) for axis in self.mechanism.description.end_effector.axes]
 
     @cached_property
     def followed(self) -> list[int]:
         """Index into q of the joints that are followed in place of the end effector."""
-        return [self.mechanism.joints.index(name) for name in self.mechanism.sidecar.end_effector.joints]
+        return [self.mechanism.joints.index(name) for name in self.mechanism.description.end_effector.joints]
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """q, v, q_M, v_M of states (..., 2n + 2e), the last two of the e elastic drives."""

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from pkmsea.bridge import frame_id
+from pkmsea.description import Closure
 from pkmsea.mechanism import Mechanism
-from pkmsea.mechanism.sidecar import Closure
 
 WORLD = pin.LOCAL_WORLD_ALIGNED
 
@@ -41,13 +41,13 @@ class Loops:
     @cached_property
     def closures(self) -> list[tuple[Closure, int, int]]:
         """Each with its two frames."""
-        model, closures = self.mechanism.model, self.mechanism.sidecar.closures
+        model, closures = self.mechanism.model, self.mechanism.description.closures
         return [(c, frame_id(model, c.frames[0]), frame_id(model, c.frames[1])) for c in closures]
 
     @cached_property
     def coupled(self) -> Constraint:
         """The couplings; `Phi` holds the offsets: their residual is G q - Phi."""
-        couplings, joints = self.mechanism.sidecar.couplings, self.mechanism.joints
+        couplings, joints = self.mechanism.description.couplings, self.mechanism.joints
         G = np.zeros((len(couplings), len(joints)))
         for row, coupling in zip(G, couplings, strict=True):
             row[joints.index(coupling.joint)] = 1.0

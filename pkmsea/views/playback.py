@@ -18,6 +18,7 @@ from pinocchio.visualize import MeshcatVisualizer
 from pkmsea.bridge import frame_id
 from pkmsea.files import write_whole
 from pkmsea.solution import Solution
+from pkmsea.views import sticks
 from pkmsea.views.server import serve
 
 FRAMES_PER_SECOND = 60
@@ -73,9 +74,8 @@ def draw(solution: Solution, visualizer: meshcat.Visualizer) -> None:
     period = solution.problem.cycle.period
     count = max(60, round(period * SLOW_MOTION * FRAMES_PER_SECOND))
     frames = np.linspace(0, s.t.size, count + 1).astype(int) % s.t.size
-    robot = MeshcatVisualizer(
-        mechanism.model, pin.GeometryModel(), pin.buildGeomFromUrdfString(mechanism.model, mechanism.urdf, pin.VISUAL)
-    )
+    shapes = pin.buildGeomFromUrdfString(mechanism.model, sticks.drawn(mechanism), pin.VISUAL)
+    robot = MeshcatVisualizer(mechanism.model, pin.GeometryModel(), shapes)
     scene = visualizer["scene"]
     robot.initViewer(viewer=scene)
     robot.loadViewerModel(rootNodeName="robot")
@@ -192,7 +192,7 @@ def _furnish(solution: Solution, visualizer: Any, scene: Any) -> None:
 
 def _view_direction(mechanism: Any) -> np.ndarray:
     """From the scene to the camera: towards the plane's normal, from above or from the front."""
-    normal = np.array(mechanism.sidecar.plane.normal if mechanism.sidecar.plane else (0.0, 0.0, 1.0))
+    normal = np.array(mechanism.description.plane.normal if mechanism.description.plane else (0.0, 0.0, 1.0))
     normal = normal / np.linalg.norm(normal)
     if abs(normal[2]) > 0.7:
         return np.array([0.0, -0.55, 1.0])
@@ -202,7 +202,7 @@ def _view_direction(mechanism: Any) -> np.ndarray:
 def _world_path(solution: Solution) -> np.ndarray:
     """Path of the end effector in the world (points, 3)."""
     mechanism, s = solution.problem.actuation.mechanism, solution.series
-    frame = frame_id(mechanism.model, mechanism.sidecar.end_effector.frame)
+    frame = frame_id(mechanism.model, mechanism.description.end_effector.frame)
     data = mechanism.model.createData()
     points = []
     for q in s.q[:: max(1, s.t.size // 400)]:

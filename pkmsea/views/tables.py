@@ -142,23 +142,23 @@ def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
     inverse, direct = mechanism.singularity(mechanism.seed)
     start, far = mechanism.end_effector(mechanism.seed).round(9) + 0.0, size(mechanism)
     along = {}
-    for axis, direction in zip(mechanism.sidecar.end_effector.coordinates, np.eye(start.size), strict=True):
+    for axis, direction in zip(mechanism.description.end_effector.coordinates, np.eye(start.size), strict=True):
         ends = [float(start @ direction) + sign * reach(mechanism, sign * direction, far) for sign in (-1, 1)]
         along[axis] = [round(end, 3) + 0.0 for end in ends]
     return {
         "mechanism": mechanism.name,
         "joints": mechanism.joints,
         "mobility": mechanism.mobility,
-        "actuated": list(mechanism.sidecar.actuated),
-        "independent": list(mechanism.sidecar.independent),
+        "actuated": list(mechanism.description.actuated),
+        "independent": list(mechanism.description.independent),
         "actuation_class": mechanism.actuation_class,
-        "closures": [closure.label for closure in mechanism.sidecar.closures],
-        "couplings": [coupling.label for coupling in mechanism.sidecar.couplings],
-        "locked": mechanism.sidecar.locked,
-        "conditioning": mechanism.origin.conditioning,
-        "conventions": list(mechanism.origin.conventions),
-        "proposed": list(mechanism.origin.proposed),
-        "notes": list(mechanism.origin.notes),
+        "closures": [closure.label for closure in mechanism.description.closures],
+        "couplings": [coupling.label for coupling in mechanism.description.couplings],
+        "locked": dict(mechanism.description.locked),
+        "conditioning": mechanism.conditioning,
+        "conventions": list(mechanism.description.origin.conventions),
+        "proposed": list(mechanism.description.origin.proposed),
+        "notes": list(mechanism.description.notes),
         "closure_residual": float(np.abs(mechanism.closure_residual(mechanism.seed)).max(initial=0.0)),
         "seed": dict(zip(mechanism.joints, (mechanism.seed.round(6) + 0.0).tolist(), strict=True)),
         "end_effector": (start.round(6) + 0.0).tolist(),
@@ -173,7 +173,7 @@ def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
     table = Table(title=mechanism.name, box=box.SIMPLE_HEAD, show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
-    axes = ", ".join(mechanism.sidecar.end_effector.coordinates)
+    axes = ", ".join(mechanism.description.end_effector.coordinates)
     closures = ", ".join(record["closures"]) or "none"
     drives = ", ".join(record["actuated"])
     matrix = "\n".join("  ".join(f"{x:9.4f}" for x in row) for row in record["H_A"])
@@ -187,7 +187,7 @@ def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
         "drives": drives,
         "independent": f"{', '.join(record['independent'])} (conditioning {record['conditioning']:.2g})",
         "seed pose": ", ".join(f"{k} {v:.4g}" for k, v in record["seed"].items()),
-        "end effector": f"{mechanism.sidecar.end_effector.frame} ({axes}) at "
+        "end effector": f"{mechanism.description.end_effector.frame} ({axes}) at "
         + ", ".join(f"{x:.4g}" for x in record["end_effector"]) + " m",
         "H_A at the seed": matrix,
         "singularity distance": f"inverse {record['singularity']['inverse']:.3f}, "

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from pkmsea.description.xml import Element
 from pkmsea.errors import MechanismError
-from pkmsea.mechanism.xml import Element
 
 LABEL = "closing_*_1/_2 frames of onshape-to-robot"
 FRAME = re.compile(r"(closing_.+)_([12])")
@@ -24,8 +24,9 @@ def read(root: Element, file: Path) -> dict[str, Any]:
                 raise MechanismError(
                     f"The closing frame has no partner '{name}_{side}'.",
                     "Export both frames, or rename this link if it closes no loop.",
-                    file=file, key=f"link '{name}_{'21'[int(side) - 1]}'",
-                )  # fmt: skip
+                    file=file,
+                    key=f"link '{name}_{'21'[int(side) - 1]}'",
+                )
     if not names:
         return {}
     return {"closures": [{"name": name, "frames": (f"{name}_1", f"{name}_2"), "type": "point"} for name in names]}

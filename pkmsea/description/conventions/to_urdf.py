@@ -7,7 +7,7 @@ import pinocchio as pin
 from lxml import etree
 
 from pkmsea.bridge import joint_axis
-from pkmsea.mechanism.xml import Element, text
+from pkmsea.description.xml import Element, text
 
 BASE = "universe"
 FRAMES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)

@@ -1,4 +1,4 @@
-"""The sidecar `mechanism.yaml`: what a URDF tree cannot say about a mechanism with closed loops."""
+"""The parts of a description: frames, closures, couplings, plane and end effector, as small frozen records."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from pkmsea.description.xml import LARGEST
 from pkmsea.files import Name, Printable, Record
-from pkmsea.mechanism.xml import LARGEST
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector3 = tuple[Number, Number, Number]
@@ -25,6 +25,12 @@ class Placement(Record):
     link: Name = Field(description="link (or joint) of the tree that carries the frame")
     xyz: Vector3 = Field((0.0, 0.0, 0.0), description="position in that link [m]")
     rpy: Vector3 = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw in that link [rad], as in a URDF")
+
+
+class Frame(Placement):
+    """Such a frame with its name."""
+
+    name: Name
 
 
 class Closure(Record):
@@ -91,34 +97,3 @@ class EndEffector(Record):
     def coordinates(self) -> tuple[str, ...]:
         """Names of the axes, or of the joints."""
         return self.axes or self.joints
-
-
-class Draft(Record):
-    """What the files of one mechanism say, in whatever convention; keys that nobody has said yet are None."""
-
-    urdf: str | None = Field(
-        None, description="file of the tree, or 'example-robot-data/FILE'; default: the only one of the folder"
-    )
-    frames: dict[Name, Placement] = Field(default_factory=dict, description="frames that the tree lacks, by name")
-    closures: tuple[Closure, ...] = ()
-    couplings: tuple[Coupling, ...] = ()
-    locked: dict[Name, Number] = Field(default_factory=dict, description="joints held at a position [rad, m]")
-    plane: Plane | None = None
-    gravity: Vector3 = Field((0.0, 0.0, -9.81), description="[m/s^2], world frame")
-    actuated: tuple[Name, ...] | None = Field(None, min_length=1, description="joint of each drive, in drive order")
-    independent: tuple[Name, ...] | None = Field(
-        None, min_length=1, description="minimal coordinates q_A,ind; default: the best conditioned joints"
-    )
-    end_effector: EndEffector | None = None
-    seed: dict[Name, Number] | None = Field(
-        None, description="joint positions that declare the assembly mode [rad, m]; others are zero"
-    )
-
-
-class Sidecar(Draft):
-    """Loop closures, drives, minimal coordinates, end effector and assembly mode of one tree: a complete draft."""
-
-    actuated: tuple[Name, ...] = Field(min_length=1, description="joint of each drive, in drive order")
-    independent: tuple[Name, ...] = Field(min_length=1, description="minimal coordinates q_A,ind")
-    end_effector: EndEffector
-    seed: dict[Name, Number] = Field(description="joint positions that declare the assembly mode [rad, m]")

@@ -1,14 +1,4 @@
-"""The ways in which people write a mechanism with loops, each read into the one `Draft` of a sidecar.
-
-mechanism.yaml     our own sidecar; what it says goes before all others
-gepetto            robot.yaml of example-parallel-robots
-urdfplus           <loop> and independent= in a URDF+
-onshape            closing_*_1/_2 frames of onshape-to-robot
-mimic              <mimic> joints
-transmission       <transmission> elements: which joints have drives
-mjcf               MuJoCo's files
-xacro              expanded first
-"""
+"""The files of one mechanism: which they are, in which conventions, and what they say as keys of a sidecar."""
 
 from __future__ import annotations
 
@@ -16,15 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pkmsea.description import robots, xml
+from pkmsea.description.conventions import BESIDE, FORMATS, MARKS
+from pkmsea.description.sidecar import SIDECAR, Draft
 from pkmsea.errors import InputError, MechanismError
 from pkmsea.files import is_file, parse, read_yaml
-from pkmsea.mechanism import robots, xml
-from pkmsea.mechanism.conventions import gepetto, mimic, mjcf, onshape, transmission, urdfplus, xacro
-from pkmsea.mechanism.sidecar import Draft
 
-SIDECAR = "mechanism.yaml"
-IN_URDF = (urdfplus, onshape, mimic, transmission)
-TREES = (".urdf", ".xml", ".mjcf", xacro.SUFFIX)
+TREES = (".urdf", ".xml", *(suffix for form in FORMATS for suffix in form.SUFFIXES))
 SIDECARS = (".yaml", ".yml")
 
 
@@ -38,7 +26,7 @@ class Source:
     tree : its file of links and joints; `root` is its content as URDF.
     sidecar : its YAML file; None where there is none.
     draft : the keys of a sidecar, as far as the files say them.
-    said : the keys that the YAML file says itself.
+    in_sidecar, in_tree : the keys that each says; what a sidecar says goes before what the tree says.
     labels : the conventions that were met.
     """
 
@@ -47,18 +35,14 @@ class Source:
     root: xml.Element
     sidecar: Path | None
     draft: Draft
-    said: frozenset[str]
+    in_sidecar: tuple[str, ...]
+    in_tree: tuple[str, ...]
     labels: tuple[str, ...]
 
     @property
     def name(self) -> str:
         """Of the folder, which is one mechanism; of the tree, where that stands alone."""
         return self.folder.resolve().name if self.sidecar else self.tree.stem
-
-    def where(self, key: str) -> Path:
-        """The file to blame for a key: the one that says it, else the one in which it is missing."""
-        tree_says = key in self.draft.model_fields_set and key not in self.said
-        return self.tree if tree_says or self.sidecar is None else self.sidecar
 
 
 def read_source(path: Path) -> Source:
@@ -82,7 +66,8 @@ def read_source(path: Path) -> Source:
         theirs["actuated"] = tuple(name for name in theirs["actuated"] if name not in said.locked)
     merged = theirs | ours | {"frames": from_tree.frames | said.frames, "urdf": said.urdf or tree.name}
     draft = Draft.model_construct(**merged)
-    return Source(folder, tree, root, sidecar, draft, frozenset(ours), tuple(labels + found))
+    said_by = tuple(sorted(ours)), tuple(sorted(theirs.keys() - ours.keys()))
+    return Source(folder, tree, root, sidecar, draft, *said_by, (*labels, *found))
 
 
 def _sidecar_of(path: Path) -> Path | None:
@@ -90,7 +75,7 @@ def _sidecar_of(path: Path) -> Path | None:
     if path.is_file() and path.suffix in SIDECARS:
         return path
     folder = path if path.is_dir() else path.parent
-    for name in (SIDECAR, gepetto.NAME):
+    for name in (SIDECAR, *(convention.NAME for convention in BESIDE)):
         candidate = folder / name
         if candidate.is_file() and (path.is_dir() or _belongs(candidate, path)):
             return candidate
@@ -105,8 +90,9 @@ def _belongs(sidecar: Path, tree: Path) -> bool:
 
 def _yaml(file: Path) -> tuple[dict[str, Any], list[str]]:
     data = read_yaml(file)
-    if gepetto.speaks(data):
-        return gepetto.normalise(data, file), [gepetto.LABEL]
+    for convention in BESIDE:
+        if convention.speaks(data):
+            return convention.read(data, file), [convention.LABEL]
     return data, [SIDECAR]
 
 
@@ -124,16 +110,20 @@ def _find_tree(folder: Path, named: str | None, sidecar: Path | None) -> Path:
             raise MechanismError(
                 "The file that 'urdf' names is not in the mechanism's folder.",
                 f"Put it there, correct the name, or name a robot as '{robots.PACKAGE}/ur5_robot.urdf'.",
-                file=sidecar, key="urdf", value=named,
-            )  # fmt: skip
+                file=sidecar,
+                key="urdf",
+                value=named,
+            )
         return tree
     found = _trees(folder)
     if len(found) != 1:
         names = ", ".join(tree.name for tree in found[:5]) or "none"
         raise MechanismError(
             f"The folder holds {len(found)} files of links and joints ({names}).",
-            f"Give the file itself, or name one in {SIDECAR} with the key 'urdf'.", file=folder, key="urdf",
-        )  # fmt: skip
+            f"Give the file itself, or name one in {SIDECAR} with the key 'urdf'.",
+            file=folder,
+            key="urdf",
+        )
     return found[0]
 
 
@@ -146,13 +136,14 @@ def _read_tree(tree: Path) -> tuple[xml.Element, dict[str, Any], list[str]]:
             file=tree,
         )
     root = xml.parse(tree)
-    if mjcf.speaks(root):
-        root, said = mjcf.read(root, tree)
-        return root, said, [mjcf.LABEL]
-    if tree.suffix == xacro.SUFFIX or xacro.speaks(root):
-        root = xacro.expand(tree)
-    said, labels = {}, []
-    for convention in IN_URDF:
+    said: dict[str, Any] = {}
+    form = next((form for form in FORMATS if form.speaks(root, tree)), None)
+    if form is not None:
+        root, said = form.read(root, tree)
+        if not form.MARKED:
+            return root, said, [form.LABEL]
+    labels = []
+    for convention in MARKS:
         more = convention.read(root, tree)
         labels += [convention.LABEL] if more else []
         closures = (*said.get("closures", ()), *more.get("closures", ()))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from pkmsea.description.xml import Element, numbers
 from pkmsea.errors import MechanismError, NameNotFound
-from pkmsea.mechanism.xml import Element, numbers
 
 LABEL = "URDF+"
 TYPES = {"revolute": "revolute", "continuous": "revolute", "fixed": "frame", "spherical": "point", "ball": "point"}
@@ -18,9 +18,11 @@ def read(root: Element, file: Path) -> dict[str, Any]:
     marked = [joint for joint in root.findall("joint") if joint.get("independent") is not None]
     if root.find("coupling") is not None:
         raise MechanismError(
-            "A <coupling> of two chains is not read.", "State it per pair of joints under 'couplings' instead.",
-            file=file, key=f"coupling '{root.find('coupling').get('name')}'",
-        )  # fmt: skip
+            "A <coupling> of two chains is not read.",
+            "State it per pair of joints under 'couplings' instead.",
+            file=file,
+            key=f"coupling '{root.find('coupling').get('name')}'",
+        )
     if not loops and not marked:
         return {}
     said: dict[str, Any] = {"frames": {}, "closures": []}
@@ -33,9 +35,12 @@ def read(root: Element, file: Path) -> dict[str, Any]:
         kind = loop.get("type", "")
         if kind not in TYPES:
             raise MechanismError(
-                "This type of loop joint is not read.", f"Use one of: {', '.join(TYPES)}.",
-                file=file, key=f"loop '{name}': type", value=kind,
-            )  # fmt: skip
+                "This type of loop joint is not read.",
+                f"Use one of: {', '.join(TYPES)}.",
+                file=file,
+                key=f"loop '{name}': type",
+                value=kind,
+            )
         closure = {"name": name, "frames": tuple(pair.values()), "type": TYPES[kind]}
         if TYPES[kind] == "revolute":
             closure["axis"] = tuple(numbers(loop.find("axis"), "xyz", 3, file, f"loop '{name}': axis", "1 0 0"))

@@ -17,7 +17,7 @@ def speaks(data: Any) -> bool:
     return isinstance(data, dict) and "closed_loop" in data
 
 
-def normalise(data: dict[str, Any], file: Path) -> dict[str, Any]:
+def read(data: dict[str, Any], file: Path) -> dict[str, Any]:
     """The same as sidecar keys; other keys stay, so that a file may mix both."""
     data = dict(data)
     pairs, types = data.pop("closed_loop"), data.pop("type", None)
@@ -29,9 +29,12 @@ def normalise(data: dict[str, Any], file: Path) -> dict[str, Any]:
         types = ["3d"] * len(pairs)
     if not isinstance(types, list) or len(types) != len(pairs):
         raise InputError(
-            f"There must be one type per closed loop, {len(pairs)}.", f"Use {' or '.join(TYPES)} for each.",
-            file=file, key="type", value=types,
-        )  # fmt: skip
+            f"There must be one type per closed loop, {len(pairs)}.",
+            f"Use {' or '.join(TYPES)} for each.",
+            file=file,
+            key="type",
+            value=types,
+        )
     for i, kind in enumerate(types):
         if str(kind).lower() not in TYPES:
             raise InputError(

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from pkmsea.description import meshes
+from pkmsea.description.tree import UNSET
+from pkmsea.description.xml import Element, number, numbers, text
 from pkmsea.errors import MechanismError, NameNotFound
-from pkmsea.mechanism import meshes
-from pkmsea.mechanism.tree import UNSET
-from pkmsea.mechanism.xml import Element, number, numbers, text
 
 ENDLESS = {"revolute": 1e3, "prismatic": 10.0}  # limits of a joint that has none [rad, m]
 KEPT = {
@@ -26,8 +26,8 @@ TRIANGLE = 1e-6  # how far the largest moment may exceed the sum of the others, 
 def clean(root: Element, file: Path, locked: dict[str, float]) -> list[str]:
     """Mend a checked URDF in place, and return a note on every change that matters.
 
-    Continuous joints and joints without limits get wide ones; `locked` joints become fixed; meshes are resolved, or
-    left out; elements that are not of the tree (sensors, transmissions, collisions) go.
+    Continuous joints and joints without limits get wide ones; `locked` joints become fixed; meshes that are not found
+    are left out; elements that are not of the tree (sensors, transmissions, collisions) go.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def clean(root: Element, file: Path, locked: dict[str, float]) -> list[str]:
         for child in list(element):
             if child.tag not in KEPT[str(element.tag)]:
                 element.remove(child)
-    return notes + meshes.resolve_all(root, file.parent)
+    return notes + _mesh_notes(meshes.drop_missing(root, file.parent))
 
 
 def _lock(joint: Element, value: float, file: Path) -> None:
@@ -109,11 +109,22 @@ def _inertia_notes(root: Element, file: Path) -> list[str]:
         if moments[2] > mass * (GYRATION * size) ** 2 and moments[2] > 0 and size > 0:
             raise MechanismError(
                 f"The inertia is that of a body {GYRATION:g} times larger than the mechanism.",
-                "Give it in kg m^2, and the mass in kg.", file=file, key=f"{key} inertia", value=moments[2],
-            )  # fmt: skip
+                "Give it in kg m^2, and the mass in kg.",
+                file=file,
+                key=f"{key} inertia",
+                value=moments[2],
+            )
         if moments[2] > (moments[0] + moments[1]) * (1 + TRIANGLE):
             notes.append(f"link '{name}': no rigid body has this inertia, one moment exceeds the sum of the others")
     return notes
+
+
+def _mesh_notes(missing: list[str]) -> list[str]:
+    """One note for all meshes that are not found."""
+    if not missing:
+        return []
+    names = ", ".join(sorted(set(missing))[:3])
+    return [f"{len(set(missing))} mesh file(s) are not beside the tree and are not drawn: {names}"]
 
 
 def _is_number(word: str) -> bool:

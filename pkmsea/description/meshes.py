@@ -7,30 +7,32 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+from pkmsea.description.xml import Element
 from pkmsea.files import is_file
-from pkmsea.mechanism.xml import Element
 
 FORMATS = (".stl", ".dae", ".obj")
 MAX_BYTES = 100_000_000
 PATH = "ROS_PACKAGE_PATH"
 
 
-def resolve_all(root: Element, folder: Path) -> list[str]:
-    """Replace mesh names by absolute paths; visuals whose mesh is not found are left out, with one note for all."""
+def drop_missing(root: Element, folder: Path) -> list[str]:
+    """Leave out the visuals whose mesh is not found; returns the names of these meshes."""
     missing = []
     for visual in root.findall("link/visual"):
         for mesh in visual.findall("geometry/mesh"):
             name = mesh.get("filename", "")
-            found = resolve(name, folder)
-            if found is None:
+            if resolve(name, folder) is None:
                 missing.append(name)
                 visual.getparent().remove(visual)
                 break
-            mesh.set("filename", str(found))
-    if not missing:
-        return []
-    names = ", ".join(sorted(set(missing))[:3])
-    return [f"{len(set(missing))} mesh file(s) are not beside the tree and are not drawn: {names}"]
+    return missing
+
+
+def resolve_all(root: Element, folder: Path) -> None:
+    """Replace mesh names by absolute paths; visuals whose mesh is not found are left out."""
+    drop_missing(root, folder)
+    for mesh in root.findall("link/visual/geometry/mesh"):
+        mesh.set("filename", str(resolve(mesh.get("filename", ""), folder)))
 
 
 def resolve(name: str, folder: Path) -> Path | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from pkmsea.description.xml import Element, number
 from pkmsea.errors import NameNotFound
-from pkmsea.mechanism.xml import Element, number
 
 LABEL = "<mimic> joints"
 

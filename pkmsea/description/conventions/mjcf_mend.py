@@ -10,8 +10,8 @@ from pathlib import Path
 
 from lxml import etree
 
+from pkmsea.description.xml import Element, number, numbers
 from pkmsea.errors import MechanismError
-from pkmsea.mechanism.xml import Element, number, numbers
 
 IN_BODY = ("body", "joint", "freejoint", "inertial", "geom", "site", "camera", "light")
 SHAPES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
@@ -44,9 +44,11 @@ def _check_numbers(root: Element, file: Path) -> None:
             numbers(element, "size", len(element.get("size", "").split()), file, key)
         if element.tag == "body" and len(element.findall("inertial")) > 1:
             raise MechanismError(
-                "There are two <inertial> elements.", "Remove one of them.",
-                file=file, key=f"body '{element.get('name', '')}': inertial",
-            )  # fmt: skip
+                "There are two <inertial> elements.",
+                "Remove one of them.",
+                file=file,
+                key=f"body '{element.get('name', '')}': inertial",
+            )
         if element.tag == "inertial" and element.get("mass") is None:
             raise MechanismError("The mass is missing.", "Give it in kg.", file=file, key="inertial mass")
 
@@ -54,15 +56,19 @@ def _check_numbers(root: Element, file: Path) -> None:
 def _refuse(root: Element, file: Path) -> None:
     for element in root.iter("include", "frame", "replicate", "attach", "composite", "flexcomp"):
         raise MechanismError(
-            f"<{element.tag}> is not read.", "Save the model once from MuJoCo (mj_saveLastXML), which expands it.",
-            file=file, key=str(element.tag),
-        )  # fmt: skip
+            f"<{element.tag}> is not read.",
+            "Save the model once from MuJoCo (mj_saveLastXML), which expands it.",
+            file=file,
+            key=str(element.tag),
+        )
     for element in root.iter("body", "inertial"):
         if element.getparent().tag not in ("body", "worldbody"):
             raise MechanismError(
-                f"<{element.tag}> does not belong into <{element.getparent().tag}>.", "Put it into its body.",
-                file=file, key=f"{element.getparent().tag}: {element.tag}",
-            )  # fmt: skip
+                f"<{element.tag}> does not belong into <{element.getparent().tag}>.",
+                "Put it into its body.",
+                file=file,
+                key=f"{element.getparent().tag}: {element.tag}",
+            )
     for joint in root.iter("joint"):
         key = f"joint '{joint.get('name', '')}':"
         if joint.get("ref") is not None and number(joint, "ref", file, key) != 0:
@@ -74,15 +80,19 @@ def _refuse(root: Element, file: Path) -> None:
             )
         if joint.get("stiffness") is not None and number(joint, "stiffness", file, key) != 0:
             raise MechanismError(
-                "A spring at a joint is not read.", "Remove it; springs belong to the drives of the task.",
-                file=file, key=f"{key} stiffness",
-            )  # fmt: skip
+                "A spring at a joint is not read.",
+                "Remove it; springs belong to the drives of the task.",
+                file=file,
+                key=f"{key} stiffness",
+            )
     for element in root.iter("freejoint", "joint"):
         if element.tag == "freejoint" or element.get("type") in ("free", "ball"):
             raise MechanismError(
-                "pkmsea models hinge and slide joints.", "Replace it by hinges and slides with light bodies between.",
-                file=file, key=f"joint '{element.get('name', '')}': type",
-            )  # fmt: skip
+                "pkmsea models hinge and slide joints.",
+                "Replace it by hinges and slides with light bodies between.",
+                file=file,
+                key=f"joint '{element.get('name', '')}': type",
+            )
     if root.find("worldbody") is None:
         raise MechanismError("There is no <worldbody>.", "Give a complete MJCF model.", file=file, key="worldbody")
 
@@ -99,9 +109,11 @@ def _gather_world(root: Element, file: Path) -> None:
         for child in body.iterdescendants():
             if child.tag not in IN_BODY or (child.getparent().tag != "body"):
                 raise MechanismError(
-                    f"<{child.tag}> at this place is not read.", "Remove it, or save the model once from MuJoCo.",
-                    file=file, key=f"body '{body.get('name', '')}': {child.tag}",
-                )  # fmt: skip
+                    f"<{child.tag}> at this place is not read.",
+                    "Remove it, or save the model once from MuJoCo.",
+                    file=file,
+                    key=f"body '{body.get('name', '')}': {child.tag}",
+                )
         for element in (body, *body.findall("joint")):
             if element.get("name") is None:
                 element.set("name", next(fresh))
@@ -117,14 +129,18 @@ def _state_mass(body: Element, file: Path) -> None:
             body.remove(geom)
         elif geom.get("type") is not None and geom.get("type") not in SHAPES:
             raise MechanismError(
-                f"The inertia of a {geom.get('type')} is not computed.", "Give the body an <inertial>.",
-                file=file, key=f"body '{name}': geom",
-            )  # fmt: skip
+                f"The inertia of a {geom.get('type')} is not computed.",
+                "Give the body an <inertial>.",
+                file=file,
+                key=f"body '{name}': geom",
+            )
         elif geom.get("mesh") is not None:
             raise MechanismError(
-                "The inertia of a mesh is not computed.", "Give the body an <inertial>.",
-                file=file, key=f"body '{name}': geom",
-            )  # fmt: skip
+                "The inertia of a mesh is not computed.",
+                "Give the body an <inertial>.",
+                file=file,
+                key=f"body '{name}': geom",
+            )
 
 
 def _split(body: Element, name: str) -> None:

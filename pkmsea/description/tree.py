@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from pkmsea.description.xml import Element, number, numbers
 from pkmsea.errors import MechanismError, NameNotFound
-from pkmsea.mechanism.xml import Element, number, numbers
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed")
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -44,8 +44,9 @@ def check(root: Element, file: Path) -> None:
             raise MechanismError(
                 f"The link '{child}' has two parents.",
                 "A URDF is a tree: remove this joint, and close the loop by two frames under 'closures'.",
-                file=file, key=f"joint '{name}': child",
-            )  # fmt: skip
+                file=file,
+                key=f"joint '{name}': child",
+            )
         parent_of[child] = parent
         _check_joint(joint, f"joint '{name}':", file)
     _check_connected(list(links), parent_of, file)
@@ -92,8 +93,10 @@ def _check_joint(joint: Element, key: str, file: Path) -> None:
         raise MechanismError(
             "pkmsea models revolute, prismatic and fixed joints.",
             "Replace it by a chain of revolute and prismatic joints with light links between them.",
-            file=file, key=f"{key} type", value=kind,
-        )  # fmt: skip
+            file=file,
+            key=f"{key} type",
+            value=kind,
+        )
     _check_origin(joint, key, file)
     if kind == "fixed":
         return
@@ -107,8 +110,10 @@ def _check_joint(joint: Element, key: str, file: Path) -> None:
         raise MechanismError(
             "The limits leave the joint no room.",
             "Correct them; or make the joint type='fixed', or name it under 'locked'.",
-            file=file, key=f"{key} limit", value=[lower, upper],
-        )  # fmt: skip
+            file=file,
+            key=f"{key} limit",
+            value=[lower, upper],
+        )
 
 
 def _check_connected(links: list[str], parent_of: dict[str, str], file: Path) -> None:
@@ -116,8 +121,10 @@ def _check_connected(links: list[str], parent_of: dict[str, str], file: Path) ->
     if len(roots) > 1:
         raise MechanismError(
             f"The links do not hang together: {', '.join(roots[:5])} have no parent.",
-            "Connect them by joints, so that one base link remains.", file=file, key="joint",
-        )  # fmt: skip
+            "Connect them by joints, so that one base link remains.",
+            file=file,
+            key="joint",
+        )
     reached, open_ = set(roots), list(roots)
     children: dict[str, list[str]] = {}
     for child, parent in parent_of.items():
@@ -130,8 +137,9 @@ def _check_connected(links: list[str], parent_of: dict[str, str], file: Path) ->
         raise MechanismError(
             f"The links {', '.join(circle[:5])} are each other's parents, in a circle.",
             "A URDF is a tree: remove one joint, and close the loop by two frames under 'closures'.",
-            file=file, key="joint",
-        )  # fmt: skip
+            file=file,
+            key="joint",
+        )
 
 
 def _check_origin(element: Element, key: str, file: Path) -> None:
@@ -154,9 +162,12 @@ def _check_inertia(link: Element, key: str, file: Path) -> None:
     principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if principal[0] < NEGATIVE * max(principal[-1], 0.0) or principal[-1] < 0:
         raise MechanismError(
-            "A principal moment of inertia is negative.", "Give the tensor in kg m^2 about the centre of mass.",
-            file=file, key=f"{key} inertia", value=[xx, yy, zz, xy, xz, yz],
-        )  # fmt: skip
+            "A principal moment of inertia is negative.",
+            "Give the tensor in kg m^2 about the centre of mass.",
+            file=file,
+            key=f"{key} inertia",
+            value=[xx, yy, zz, xy, xz, yz],
+        )
 
 
 def _check_visual(visual: Element, key: str, file: Path) -> None:

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+from pkmsea.description import xml
+from pkmsea.description.xml import Element
 from pkmsea.errors import MechanismError
-from pkmsea.mechanism import xml
 
-SUFFIX = ".xacro"
-NAMESPACE = "http://www.ros.org/wiki/xacro"
-
-
-def speaks(root: xml.Element) -> bool:
-    """Whether elements are left that xacro has to expand."""
-    return any(isinstance(e.tag, str) and e.tag.startswith("{") and "xacro" in e.tag for e in root.iter())
+SUFFIXES: tuple[str, ...] = (".xacro",)
+LABEL = "xacro"
+MARKED = True
 
 
-def expand(file: Path) -> xml.Element:
+def speaks(root: Element, file: Path) -> bool:
+    """Whether the file's name says so, or elements are left that xacro has to expand."""
+    return file.suffix in SUFFIXES or any(
+        isinstance(e.tag, str) and e.tag.startswith("{") and "xacro" in e.tag for e in root.iter()
+    )
+
+
+def read(root: Element, file: Path) -> tuple[Element, dict[str, Any]]:
     """The URDF that a xacro file stands for. A xacro file may run expressions and include files: trust its source.
 
     Raises
@@ -28,10 +33,11 @@ def expand(file: Path) -> xml.Element:
     except ImportError:
         raise MechanismError(
             "This is a xacro file, and xacrodoc is not installed.",
-            "Run 'pip install xacrodoc', or give the expanded URDF.", file=file,
-        ) from None  # fmt: skip
+            "Run 'pip install xacrodoc', or give the expanded URDF.",
+            file=file,
+        ) from None
     try:
         text = XacroDoc.from_file(str(file), resolve_packages=False).to_urdf_string()
     except Exception as error:
         raise MechanismError(f"The xacro file does not expand ({error}).", "Mend it.", file=file) from error
-    return xml.parse_text(text.encode(), file)
+    return xml.parse_text(text.encode(), file), {}

@@ -10,17 +10,20 @@ from typing import Any
 import pinocchio as pin
 from lxml import etree
 
+from pkmsea.description import xml
+from pkmsea.description.conventions.mjcf_mend import WORLD, mend
+from pkmsea.description.conventions.to_urdf import body_frame, to_urdf
+from pkmsea.description.xml import Element, numbers
 from pkmsea.errors import MechanismError, NameNotFound
-from pkmsea.mechanism import xml
-from pkmsea.mechanism.conventions.mjcf_mend import WORLD, mend
-from pkmsea.mechanism.conventions.to_urdf import body_frame, to_urdf
-from pkmsea.mechanism.xml import Element, numbers
 
+SUFFIXES: tuple[str, ...] = (".mjcf",)
 LABEL = "MJCF"
+MARKED = False
 GRAVITY = "0 0 -9.81"
 
 
-def speaks(root: Element) -> bool:
+def speaks(root: Element, file: Path) -> bool:
+    """Whether this is a MuJoCo model, whatever the file's name."""
     return bool(root.tag == "mujoco")
 
 
@@ -40,22 +43,23 @@ def read(root: Element, file: Path) -> tuple[Element, dict[str, Any]]:
     kinds = [("point", list(points), names["connect"]), ("frame", list(welds), names["weld"])]
     for kind, constraints, labels in kinds:
         for constraint, label in zip(constraints, labels, strict=True):
-            frames = [f"{label}_{i}" for i in (1, 2)]
-            for frame, joint, placement in (
-                (frames[0], constraint.joint1_id, constraint.joint1_placement),
-                (frames[1], constraint.joint2_id, constraint.joint2_placement),
-            ):
-                said["frames"][frame] = {
-                    "link": body_frame(model, joint), "xyz": tuple(placement.translation),
-                    "rpy": tuple(pin.rpy.matrixToRpy(placement.rotation)),
-                }  # fmt: skip
-            said["closures"].append({"name": label, "frames": tuple(frames), "type": kind})
+            ends = {
+                f"{label}_1": _placement(model, constraint.joint1_id, constraint.joint1_placement),
+                f"{label}_2": _placement(model, constraint.joint2_id, constraint.joint2_placement),
+            }
+            said["frames"] |= ends
+            said["closures"].append({"name": label, "frames": tuple(ends), "type": kind})
     option = root.find("option")
     said["gravity"] = tuple(numbers(option, "gravity", 3, file, "option", GRAVITY))
     said |= {"couplings": couplings} if couplings else {}
     said |= {"locked": locked} if locked else {}
     said |= _drives_and_seed(root, model, file)
     return to_urdf(model, root.get("model") or "mjcf"), said
+
+
+def _placement(model: pin.Model, joint: int, placement: pin.SE3) -> dict[str, Any]:
+    rpy = pin.rpy.matrixToRpy(placement.rotation)
+    return {"link": body_frame(model, joint), "xyz": tuple(placement.translation), "rpy": tuple(rpy)}
 
 
 def _active(root: Element, *tags: str) -> list[Element]:
@@ -71,9 +75,12 @@ def _joint_equalities(root: Element, file: Path) -> tuple[list[dict[str, Any]], 
         a = numbers(equality, "polycoef", 5, file, key, "0 1 0 0 0")
         if any(a[2:]):
             raise MechanismError(
-                "Only linear couplings are read.", "Set the last three coefficients to 0.",
-                file=file, key=f"{key} polycoef", value=a,
-            )  # fmt: skip
+                "Only linear couplings are read.",
+                "Set the last three coefficients to 0.",
+                file=file,
+                key=f"{key} polycoef",
+                value=a,
+            )
         first, second = equality.get("joint1", ""), equality.get("joint2")
         if second is None:
             locked[first] = a[0]

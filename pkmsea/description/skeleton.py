@@ -8,10 +8,11 @@ from typing import Any, Literal
 
 import yaml
 
+from pkmsea.description.description import CompleteDescription, Description
+from pkmsea.description.parts import Placement
+from pkmsea.description.sidecar import SIDECAR, Draft
+from pkmsea.description.source import Source
 from pkmsea.errors import InputError
-from pkmsea.mechanism.conventions import SIDECAR, Source
-from pkmsea.mechanism.mechanism import Mechanism
-from pkmsea.mechanism.sidecar import Draft
 
 COMMENTS = {
     "urdf": "file of links and joints",
@@ -34,19 +35,21 @@ ALWAYS = ("urdf", "gravity")
 BLOCKS = ("frames", "closures", "couplings", "seed")
 
 
-def write(mechanism: Mechanism) -> Path | None:
-    """Save the sidecar of a loaded mechanism beside its tree. A mechanism.yaml that it has gets the proposed keys only,
-    at its end; None where nothing was proposed.
+def write(description: CompleteDescription) -> Path | None:
+    """Save the sidecar of a mechanism beside its tree. A mechanism.yaml that it has gets the proposed keys only, at its
+    end; None where nothing was proposed.
 
     Raises
     ------
     InputError : another mechanism.yaml is there, or the folder cannot be written to.
     """
-    origin, sidecar = mechanism.origin, mechanism.sidecar
-    if _is_ours(origin.file):
-        lines = _lines(sidecar, origin.proposed, origin.proposed)
-        return _save(mechanism.folder, "\n" + "\n".join(lines) + "\n", "a") if origin.proposed else None
-    return _save(mechanism.folder, text(sidecar, origin.conventions, origin.proposed), "x")
+    origin = description.origin
+    if not _is_ours(origin.sidecar):
+        return _save(origin.folder, text(description), "x")
+    if not origin.proposed:
+        return None
+    lines = _lines(_draft(description), origin.proposed, origin.proposed)
+    return _save(origin.folder, "\n" + "\n".join(lines) + "\n", "a")
 
 
 def write_incomplete(source: Source, problem: InputError) -> Path | None:
@@ -54,20 +57,45 @@ def write_incomplete(source: Source, problem: InputError) -> Path | None:
     it has a mechanism.yaml already."""
     if _is_ours(source.sidecar):
         return None
-    again = {key: None for key in ("actuated", "independent") if key not in source.said}  # the tree says them still
-    draft = source.draft.model_copy(update=again)
+    again = {"actuated", "independent"} & set(source.in_tree)  # the tree says them still
+    draft = source.draft.model_copy(update=dict.fromkeys(again))
     missing = [line for key, line in FILL_IN.items() if getattr(draft, key) is None]
     comments = [f"# To fill in: {problem.cause}", f"# {problem.remedy}", *(f"# {line}" for line in missing)]
-    return _save(source.folder, "\n".join([text(draft, source.labels, ()), *comments, ""]), "x")
+    return _save(source.folder, "\n".join([draft_text(draft, source.labels), *comments, ""]), "x")
 
 
-def text(draft: Draft, labels: Sequence[str], proposed: Sequence[str]) -> str:
-    """A sidecar as YAML."""
+def text(description: Description) -> str:
+    """A description as a sidecar, in YAML."""
+    return draft_text(_draft(description), description.origin.conventions, description.origin.proposed)
+
+
+def draft_text(draft: Draft, labels: Sequence[str], proposed: Sequence[str] = ()) -> str:
+    """The keys of a sidecar as YAML."""
     head = ["# Loops, drives and end effector; 'pkmsea schema mechanism' prints all keys."]
     if tuple(labels) != (SIDECAR,):
         head.append(f"# Read from: {', '.join(labels) or 'plain URDF'}.")
     said = [key for key in COMMENTS if key in ALWAYS or _plain(getattr(draft, key))]
     return "\n".join([*head, *_lines(draft, said, proposed), ""])
+
+
+def _draft(description: Description) -> Draft:
+    """The keys of a sidecar that say the same; a seed that no file says has six digits."""
+    origin, seed = description.origin, dict(description.seed or ())
+    if "seed" not in (*origin.in_sidecar, *origin.in_tree):
+        seed = {joint: round(at, 6) + 0.0 for joint, at in seed.items()}
+    return Draft(
+        urdf=origin.urdf,
+        frames={f.name: Placement(link=f.link, xyz=f.xyz, rpy=f.rpy) for f in description.frames},
+        closures=description.closures,
+        couplings=description.couplings,
+        locked=dict(description.locked),
+        plane=description.plane,
+        gravity=description.gravity,
+        actuated=description.actuated,
+        independent=description.independent,
+        end_effector=description.end_effector,
+        seed=seed,
+    )
 
 
 def _is_ours(file: Path | None) -> bool:
@@ -87,8 +115,9 @@ def _save(folder: Path, content: str, mode: Literal["x", "a"]) -> Path:
     except OSError as error:
         raise InputError(
             f"The file cannot be written ({error.strerror}).",
-            "Work on a copy: 'pkmsea new FOLDER --urdf FILE' makes one.", file=file,
-        ) from error  # fmt: skip
+            "Work on a copy: 'pkmsea new FOLDER --urdf FILE' makes one.",
+            file=file,
+        ) from error
     return file
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pkmsea.mechanism.xml import Element
+from pkmsea.description.xml import Element
 
 LABEL = "<transmission> elements"
 
