@@ -205,7 +205,8 @@ def test_public_objects_have_short_reprs(solved: Solution, tmp_path: Path) -> No
     rows: Any = [None] * 3
     said = task_of(problem)
     instances = {
-        "Actuation": problem.actuation, "Audit": faulty.audit(), "Cycle": problem.cycle, "Drive": problem.drives[0],
+        "Actuation": problem.actuation, "Audit": faulty.audit(), "Cycle": problem.cycle,
+            "Description": problem.mechanism.description, "Drive": problem.drives[0],
         "Limits": Limits(position={f"joint {i}": (0.0, 1.0) for i in range(20)}), "Mechanism": problem.mechanism,
         "OperatingPoint": problem.cycle.points[0], "Optimality": solved.optimality(), "Optimum": solved.optima[0],
         "Options": problem.options, "PkmseaError": InputError("Wrong. " * 50, "Mend it."), "Problem": problem,
