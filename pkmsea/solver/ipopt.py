@@ -20,6 +20,8 @@ WARM = {"warm_start_init_point": "yes"} | {
     f"warm_start_{what}": PUSH
     for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 }
+# for NLPs that are small, dense and scaled: a quarter of IPOPT's own time goes into scaling and refining for nothing
+PLAIN = {"mumps_permuting_scaling": 0, "mumps_scaling": 0, "min_refinement_steps": 0}
 STAGNANT = 5  # iterations in a row that change the energy by less than options.stagnation end a solve
 ANY_ERROR = 1e20  # of optimality: only the energy decides
 KEPT = 0.99  # share of a solver's time limit that must be left for it to serve again
@@ -168,6 +170,7 @@ def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool, change: floa
         "calc_lam_x": False,
     }
     if nlp.derivatives:
+        ipopt |= PLAIN
         settings |= nlp.derivatives | {"no_nlp_grad": True}
     return ca.nlpsol("solver", "ipopt", nlp.oracle, settings)
 
