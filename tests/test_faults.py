@@ -42,6 +42,7 @@ TASK: dict[str, Any] = {
     "setups": [{"name": f"slider {i}", "mechanism": "linear_axis_1", "drives": SLIDER_RIGID} for i in range(8)],
     "options": FOURIER,
 }
+MANY = [TASK["setups"][0] | {"name": f"slider {i}"} for i in range(40)]  # seconds of solving after the first
 PATIENCE = 120.0  # [s]
 HALF = 0.5
 ENOUGH = 2000  # bytes that a full disk still takes
@@ -78,7 +79,8 @@ def whole_files(folder: Path) -> set[str]:
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGKILL"])
 def test_a_killed_solve_keeps_what_was_finished(tmp_path: Path, name: str) -> None:
     out, rng = tmp_path / "out", random.Random(name)
-    command = [COMMAND, "solve", str(write_task(tmp_path)), "-o", str(out), "--workers", "1", "--json"]
+    file = write_task(tmp_path, setups=MANY)
+    command = [COMMAND, "solve", str(file), "-o", str(out), "--workers", "1", "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + PATIENCE
     while not (out / "slider_0.nc").exists():

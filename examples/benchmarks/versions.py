@@ -74,6 +74,7 @@ def main() -> None:
     parser.add_argument("--only", action="append", help="iteration, grid, reproduce, study or solve; repeatable")
     parser.add_argument("--task", type=Path)
     asked = parser.parse_args()
+    asked.old, asked.new = (os.path.abspath(python) for python in (asked.old, asked.new))
     print(f"{'measured':48}{'old':>9}{'new':>9}{'ratio':>8}   pairs")
     for kind, name, measure in measures(asked.task):
         if asked.only and kind not in asked.only:
