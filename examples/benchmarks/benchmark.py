@@ -3,7 +3,7 @@
 python examples/benchmarks/benchmark.py -o results/benchmark    (about twelve minutes; --quick: a small sample of it)
 
 Every case runs in a fresh process. benchmark.json is written after each of them, report.md and benchmark.png at the
-end or on Ctrl-C. Solves are timed on a warm cache of compiled functions.
+end or on Ctrl-C.
 """
 
 from __future__ import annotations
@@ -93,8 +93,6 @@ def main() -> int:
     results: dict[str, Any] = {"machine": machine(), "quick": asked.quick, "cases": []}
     todo, interrupted = list(cases(asked.quick)), False
     try:
-        for case in {case["setup"]: case for case in todo}.values():
-            run(case | {"kind": "warm"})  # fills the cache of compiled functions
         for i, case in enumerate(todo, 1):
             name = " ".join(str(case[key]) for key in ("kind", "formulation", "setup", "table") if key in case)
             begin = time.perf_counter()

@@ -48,12 +48,6 @@ def flat(case: dict[str, Any]) -> dict[str, Any]:
     return {"samples": transcription.samples, "build_seconds": build, "memory_MB": memory, "runs": runs}
 
 
-def warm(case: dict[str, Any]) -> dict[str, Any]:
-    """Only builds, so that the compiled functions are in the cache."""
-    ours.transcribe(ours.problem(case["table"], case["setup"], ours.flat_options(100, 1, 1.0)))
-    return {}
-
-
 def neighbours(case: dict[str, Any]) -> dict[str, Any]:
     """Fixed stiffness: cold, and warm from the solution at a stiffness NEIGHBOUR times as small."""
     options = ours.flat_options(case["samples"], case["iterations"], case["limit"])
@@ -102,7 +96,7 @@ def rockit(case: dict[str, Any]) -> dict[str, Any]:
             "model_disagreement": model, "runs": [record]}  # fmt: skip
 
 
-KINDS = {"warm": warm, "flat": flat, "paper": flat, "neighbours": neighbours, "rockit": rockit}
+KINDS = {"flat": flat, "paper": flat, "neighbours": neighbours, "rockit": rockit}
 
 if __name__ == "__main__":
     asked = json.loads(sys.argv[1])

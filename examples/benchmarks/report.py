@@ -84,7 +84,7 @@ def write_report(results: Record, folder: Path) -> Path:
     setups, grids = ([c for c in good if c["group"] == group] for group in ("setups", "grid"))
     parts = ["# Benchmark", ", ".join(f"{key} {value}" for key, value in results["machine"].items() if value)]
     parts += ["Medians over the starts. A solve is one start to full sharpness, on a transcription that is built "
-              "('build s', warm cache). 'IPOPT' is its time beside function evaluation: linear algebra, mostly.",
+              "('build s'). 'IPOPT' is its time beside function evaluation: linear algebra, mostly.",
               "## Setups of the paper",
               table(("setup", "table", *COLUMNS), ([c["setup"], str(c["table"]), *cells(c["result"])] for c in setups)),
               "## Grid: PKM SEA of table 3", table(COLUMNS, (cells(c["result"]) for c in grids))]  # fmt: skip
