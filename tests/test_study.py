@@ -289,8 +289,8 @@ def test_changed_geometry(tmp_path: Path) -> None:
 def test_drives_are_found_in_the_files_as_they_are(tmp_path: Path) -> None:
     """The sidecar names the drives in another order between two calls: each changes the drive that has the name."""
     from conftest import RIGID
-    from pkmsea.description import find
 
+    from pkmsea.description import find
     from pkmsea.study.changes import changed_task
     from pkmsea.task import Task
 
