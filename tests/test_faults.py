@@ -97,7 +97,7 @@ def test_a_killed_solve_keeps_what_was_finished(tmp_path: Path, name: str) -> No
     assert process.returncode == 1
     assert "stopped" in errors and "Traceback" not in errors
     assert {record["setup"].replace(" ", "_") for record in json.loads(output)} == stored
-    assert {"overview.png", "slider_0.html"} <= {file.name for file in out.iterdir()}
+    assert "slider_0.html" in {file.name for file in out.iterdir()}
     assert not list(out.glob(f".*{PARTIAL}"))
 
 

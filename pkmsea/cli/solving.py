@@ -61,8 +61,10 @@ def solve(
         emit(records.solutions(solved, reference, failures))
     elif solved:
         tables.print_solutions(solved, reference, failures)
-    if solved and out is not None:
-        tell_written([*written, save_overview(solved, out, list(failures))], json_)
+    if out is not None:
+        if solved and not isinstance(stopped, KeyboardInterrupt):
+            written.append(save_overview(solved, out, list(failures)))
+        tell_written(written, json_)
     end(failures, stopped)
 
 
@@ -118,7 +120,7 @@ def reproduce(
     else:
         tables.print_rows(rows, failures)
     if out is not None:
-        for number in sorted({row.table for row in rows}):
+        for number in sorted({row.table for row in rows} if not isinstance(stopped, KeyboardInterrupt) else ()):
             of_table = [row.solution for row in rows if row.table == number]
             failed = [name for n, name in failures if n == number]
             written.append(save_overview(of_table, out / f"table_{number}", failed))

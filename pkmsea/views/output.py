@@ -12,10 +12,13 @@ from pkmsea.views.playback import write_page
 
 
 def save_result(solution: Solution, folder: Path, setups: Sequence[str]) -> list[Path]:
-    """Write the result file of a setup and its playback page; `setups` are the names of all setups of the task: no two
-    of them share a file."""
+    """Write the result file of a setup and, unless it was interrupted, its playback page.
+
+    `setups` are the names of all setups of the task: no two of them share a file.
+    """
     name = file_name(solution.name, setups)
-    return [solution.save(folder / f"{name}.nc"), write_page(solution, folder / f"{name}.html")]
+    saved = solution.save(folder / f"{name}.nc")
+    return [saved] if solution.interrupted else [saved, write_page(solution, folder / f"{name}.html")]
 
 
 def save_overview(solutions: Sequence[Solution], folder: Path, failed: Sequence[str] = ()) -> Path:
