@@ -32,7 +32,7 @@ def run(app: Callable[[], Any]) -> None:
     except (SystemExit, Exception) as stop:
         if not signals or (isinstance(stop, SystemExit) and stop.code != INTERRUPTED):
             raise
-        print_error("stopped; what was finished is printed, and saved where -o was given ('pkmsea plot' and 'play' draw it)")
+        print_error("stopped; what was finished is printed, and saved where -o was given ('pkmsea plot' draws it)")
         sys.exit(1)
 
 
