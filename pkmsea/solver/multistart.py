@@ -118,7 +118,7 @@ def multistart(
     """The starts, in the order of their indices; the best distinct ones are sharpened to the end.
 
     The search ends after the first AGREEING starts if they have all found the same optimum.
-    An interrupt (Ctrl-C) ends the search early; what has been found is returned, and True with it.
+    An interrupt (Ctrl-C) ends the search at once; what has been found is returned as it is, and True with it.
     """
     count = transcription.problem.options.starts
     done: list[Start] = []
@@ -132,7 +132,7 @@ def multistart(
     groups = clusters(done)
     leaders = {start.index: group[0].index for group in groups for start in group[1:]}
     done = [replace(start, repeats=leaders.get(start.index)) for start in done]
-    best = [group[0] for group in groups][: max(FINISHED, count // 6)]
+    best = [group[0] for group in groups][: 0 if interrupted else max(FINISHED, count // 6)]
     sharpened, again = collect(spread(transcription, workers, [(finish, s) for s in best]))
     finished = {s.index: s for s in sharpened}
     return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index), interrupted or again
