@@ -47,7 +47,7 @@ class Grid {
        int jets, int parameters, int size)
       : cells_(int(coefficients.shape(0))), L_(int(coefficients.shape(1))), width_(int(samples.shape(1))),
         halo_(int(weights.shape(1)) / 2), own_(width_ - 2 * halo_), jets_(jets), free_(outputs - jets),
-        parameters_(parameters), size_(size), W_(3 * jets + free_ + parameters), local_(outputs * L_ + parameters),
+        parameters_(parameters), size_(outputs * size + parameters), W_(3 * jets + free_ + parameters), local_(outputs * L_ + parameters),
         ld_(padded(local_)), instants_(cells_ * own_), table_(&lanes::best()) {
     const int32_t *s = numbers(samples, cells_, width_, "samples"), *c = coefficients.data();
     samples_.assign(s, s + cells_ * width_);
@@ -72,7 +72,7 @@ class Grid {
 
   // w without its parameters (3 jets + free, instants) from x.
   void spread(Array x, Array w) const {
-    const double *given = x.data();
+    const double *given = numbers(x, 1, size_, "x");
     double *to = numbers(w, W_ - parameters_, instants_, "w");
     std::vector<double> own(local_);
     for (int e = 0; e < cells_; ++e) {
@@ -124,7 +124,7 @@ class Grid {
       for (long j = 0; j < rows; ++j)
         for (long k = 0; k < instants_; ++k)
           on_w[w * instants_ + k] += slope[(w * rows + j) * instants_ + k] * weight[j * instants_ + k];
-    double *to = x.data();
+    double *to = numbers(x, 1, size_, "x");
     std::vector<double> own(ld_);
     for (int e = 0; e < cells_; ++e) {
       std::fill(own.begin(), own.end(), 0.0);
