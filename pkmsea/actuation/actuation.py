@@ -6,44 +6,53 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Literal
+from math import prod
 
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation.drive import Drive, as_range
+from pkmsea.actuation.drive import Drive, ParameterKind
+from pkmsea.actuation.kinds import Kind, kind_of
+from pkmsea.actuation.laws import NUMBERS
 from pkmsea.errors import InputError, one_line
 from pkmsea.mechanism import Mechanism, pose
-
-RIGID_PENALTY = 0.1
 
 
 @dataclass(frozen=True)
 class Shape:
     """What a robot's Functions are built for; all its numbers are inputs of theirs, so that robots can share them.
 
-    `elastic` are the series elastic drives, `free` those whose coordinate belongs to the flat output, `cubic` those
-    whose spring hardens, `damped` those whose spring has losses, `parallel` those with a spring beside them; `payload`:
-    whether the end effector carries one.
+    `kinds` are those of the drives, `free` the drives whose coordinate belongs to the flat output, `parallel` those
+    with a spring beside them; `payload`: whether the end effector carries one.
     """
 
     mechanism: Mechanism
-    elastic: tuple[int, ...]
+    kinds: tuple[Kind, ...]
     free: tuple[int, ...]
-    cubic: tuple[int, ...] = ()
     parallel: tuple[int, ...] = ()
     payload: bool = False
-    damped: tuple[int, ...] = ()
 
     @property
     def m(self) -> int:
         """Number of drives."""
-        return len(self.mechanism.actuated)
+        return len(self.kinds)
 
     @property
     def dependent(self) -> list[int]:
         """The delta drives whose forces follow from the load equation."""
         return [i for i in range(self.m) if i not in self.free]
+
+    @property
+    def parameters(self) -> tuple[tuple[ParameterKind, int], ...]:
+        """Kind and drive of the entries of p, see `Parameter`: stiffnesses in series, then parallel springs."""
+        series: list[tuple[ParameterKind, int]] = [("c", i) for i, kind in enumerate(self.kinds) if kind.sprung]
+        beside: tuple[ParameterKind, ...] = ("k", "rest")
+        return (*series, *((name, i) for i in self.parallel for name in beside))
+
+    def numbers(self, r: ca.SX) -> list[dict[str, ca.SX]]:
+        """The numbers of each drive from r, which holds each of NUMBERS for all drives."""
+        columns = dict(zip(NUMBERS, ca.vertsplit(r, self.m), strict=True))
+        return [{key: column[i] for key, column in columns.items()} for i in range(self.m)]
 
 
 @dataclass(frozen=True)
@@ -53,7 +62,7 @@ class Parameter:
     `kind` is c (series stiffness), k or rest (of the parallel spring); stiffnesses are optimised by their logarithm.
     """
 
-    kind: Literal["c", "k", "rest"]
+    kind: ParameterKind
     drive: int
     label: str
     low: float
@@ -73,9 +82,6 @@ class Parameter:
         return (float(np.log(self.low)), float(np.log(self.high))) if self.logarithmic else (self.low, self.high)
 
 
-NUMBERS = ("inertia", "friction", "coulomb", "coulomb_width", "cubic")  # r holds each for all drives
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Actuation:
     """A mechanism with m drives; rigid and series elastic ones may be mixed, and m may exceed the mobility delta.
@@ -83,7 +89,7 @@ class Actuation:
     The flat output is y = (r_E, z). The load equation in task space, N_A^T u = N^T rnea(q, v, a) with v = N dr_E/dt
     and N_A its rows at the drives, fixes the forces u of delta `dependent` drives. Each of the m - delta `free` drives
     adds one entry to z: its motor position q_M if it is elastic, its force u if its spring is damped, its torque tau if
-    it is rigid.
+    it is rigid (`pkmsea.actuation.kinds`).
 
     `poses` (n,) each, are where the robot works; by default the mechanism's seed. `payload` gives the mass at the end
     effector [kg] and its derivatives: (times, order) -> (len(times),).
@@ -138,39 +144,27 @@ class Actuation:
         def score(chosen: Iterable[int]) -> float:
             rest = [i for i in range(m) if i not in chosen]
             worst = float(np.abs(np.linalg.det(jacobians[:, rest])).min())
-            return round(float(worst * RIGID_PENALTY ** sum(not self.drives[i].elastic for i in chosen)), 9)
+            return round(worst / prod(self.kinds[i].reluctance for i in chosen), 9)
 
         return list(max(combinations(range(m), m - delta), key=score))
 
     @cached_property
     def shape(self) -> Shape:
         """This robot without its numbers."""
-        cubic = tuple(i for i, drive in enumerate(self.drives) if drive.cubic)
         parallel = tuple(i for i, drive in enumerate(self.drives) if drive.parallel)
-        payload = self.payload is not None
-        return Shape(
-            self.mechanism, tuple(self.elastic), tuple(self.free), cubic, parallel, payload, tuple(self.damped)
-        )
+        return Shape(self.mechanism, self.kinds, tuple(self.free), parallel, self.payload is not None)
 
     @cached_property
-    def damped(self) -> list[int]:
-        """The elastic drives whose spring has losses."""
-        return [i for i, drive in enumerate(self.drives) if drive.damping]
+    def kinds(self) -> tuple[Kind, ...]:
+        """The kind of each drive (m)."""
+        return tuple(kind_of(drive) for drive in self.drives)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Stiffness of each elastic drive; then stiffness and rest position of each parallel spring."""
-        series = [Parameter("c", i, self.labels[i], *self.drives[i].stiffness_range) for i in self.elastic]
-        beside = [
-            parameter
-            for i, drive in enumerate(self.drives)
-            if (spring := drive.parallel) is not None
-            for parameter in (
-                Parameter("k", i, self.labels[i], *as_range(spring.stiffness)),
-                Parameter("rest", i, self.labels[i], *as_range(spring.rest)),
-            )
-        ]
-        return (*series, *beside)
+        return tuple(
+            Parameter(kind, i, self.labels[i], *self.drives[i].range_of(kind)) for kind, i in self.shape.parameters
+        )
 
     def load(self, t: np.ndarray) -> np.ndarray:
         """Mass at the end effector at times t [kg], (len(t),)."""
@@ -179,14 +173,13 @@ class Actuation:
     @cached_property
     def elastic(self) -> list[int]:
         """The series elastic drives."""
-        return [i for i, drive in enumerate(self.drives) if drive.elastic]
+        return [i for i, kind in enumerate(self.kinds) if kind.sprung]
 
     @cached_property
     def flat_outputs(self) -> list[str]:
         """Names of the flat output's entries."""
         axes = [f"{axis}_E" for axis in self.mechanism.sidecar.end_effector.coordinates]
-        kinds = ["u" if i in self.damped else "q_M" if i in self.elastic else "tau" for i in range(self.m)]
-        return axes + [f"{kinds[i]} {self.labels[i]}" for i in self.free]
+        return axes + [f"{self.kinds[i].coordinate} {self.labels[i]}" for i in self.free]
 
     def relative_degree(self) -> tuple[int, ...]:
         """Vector relative degree of the flat output, found by Lie derivatives (Isidori, 1995).
@@ -200,6 +193,11 @@ class Actuation:
     def numbers(self, key: str) -> np.ndarray:
         """One number of every drive (m,), such as `inertia`, `friction`, `copper_loss`."""
         return np.array([getattr(drive, key) for drive in self.drives])
+
+    @cached_property
+    def r(self) -> np.ndarray:
+        """NUMBERS of all drives, one after the other."""
+        return np.concatenate([self.numbers(key) for key in NUMBERS])
 
     def _drive_jacobian(self, q: np.ndarray) -> np.ndarray:
         """N_A(q), (m, delta): v_A = N_A dr_E/dt."""

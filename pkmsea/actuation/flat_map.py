@@ -6,8 +6,9 @@ from functools import lru_cache
 
 import casadi as ca
 
-from pkmsea.actuation.actuation import NUMBERS, Shape, dependent_columns, on_joints, stack
-from pkmsea.actuation.elements import coulomb, payload_load, spring_deflection, spring_force
+from pkmsea.actuation import laws
+from pkmsea.actuation.actuation import Shape, dependent_columns, on_joints, stack
+from pkmsea.actuation.kinds import DriveAt
 from pkmsea.mechanism import pose
 
 
@@ -17,8 +18,8 @@ def flat_map(shape: Shape) -> ca.Function:
 
     Inputs: q (n,), the closed pose at r_E (`Mechanism.configuration`); Y (delta, 5), r_E and four derivatives;
     Z (m - delta, 3), z and two derivatives; c (m,) stiffnesses (ignored where rigid); k (m,) and rest (m,) of the
-    parallel springs (ignored where there is none); L (1, 3), the payload's mass and two derivatives; r (5m,), NUMBERS
-    of all drives.
+    parallel springs (ignored where there is none); L (1, 3), the payload's mass and two derivatives; r, NUMBERS of all
+    drives.
     Outputs: q_M, v_M (m,), joint position and velocity for a rigid drive; tau (m,); u (m,); v, a (n,).
 
     The deflection of a damped spring depends on the past of its force: its q_M, v_M and tau are here those without the
@@ -32,8 +33,7 @@ def flat_map(shape: Shape) -> ca.Function:
     k = m - delta
     q, Y, Z = ca.SX.sym("q", n), ca.SX.sym("Y", delta, 5), ca.SX.sym("Z", k, 3)
     c, k_P, rest, L = ca.SX.sym("c", m), ca.SX.sym("k", m), ca.SX.sym("rest", m), ca.SX.sym("L", 1, 3)
-    r = ca.SX.sym("r", len(NUMBERS) * m)
-    inertia, friction, F_C, width, cubic = ca.vertsplit(r, m)
+    r = ca.SX.sym("r", len(laws.NUMBERS) * m)
     at = mechanism.actuated
 
     _, A = pose.task_system(mechanism)(q)
@@ -46,25 +46,19 @@ def flat_map(shape: Shape) -> ca.Function:
         return ca.densify(ca.jtimes(expression, jet, jet_rate))
 
     a = rate(v)
-    load = mechanism.tree.inverse_dynamics(q, v, a) + payload_load(shape, q, v, a, L[0])
+    load = mechanism.tree.inverse_dynamics(q, v, a)
+    if shape.payload:
+        load += laws.payload(mechanism, q, v, a, L[0])
     for i in shape.parallel:
-        load[at[i]] -= k_P[i] * (rest[i] - q[at[i]])
-    u_free = [
-        Z[j, 0]
-        if i in shape.damped
-        else spring_force(shape, i, c[i], cubic[i], Z[j, 0] - q[at[i]])
-        if i in shape.elastic
-        else Z[j, 0] - inertia[i] * a[at[i]] - friction[i] * v[at[i]] - coulomb(F_C[i], width[i], v[at[i]])
-        for j, i in enumerate(shape.free)
-    ]
-    u = _all_forces(shape, q, load, u_free)
-    q_M = stack([q[joint] for joint in at])
-    for i in shape.elastic:
-        known = i in shape.free and i not in shape.damped
-        q_M[i] = Z[shape.free.index(i), 0] if known else q_M[i] + spring_deflection(shape, i, c[i], cubic[i], u[i])
+        load[at[i]] -= laws.parallel_spring(k_P[i], rest[i], q[at[i]])
+    numbers = shape.numbers(r)
+    drives = [DriveAt(q[at[i]], v[at[i]], a[at[i]], c[i], numbers[i]) for i in range(m)]
+    free = {i: Z[j, 0] for j, i in enumerate(shape.free)}
+    u = _all_forces(shape, q, load, [shape.kinds[i].force(drives[i], z) for i, z in free.items()])
+    q_M = stack([kind.position(drives[i], u[i], free.get(i)) for i, kind in enumerate(shape.kinds)])
     v_M = rate(q_M)
     a_M = rate(v_M)
-    tau = u + inertia * a_M + friction * v_M + coulomb(F_C, width, v_M)
+    tau = stack([laws.rotor(numbers[i], v_M[i], a_M[i]) + u[i] for i in range(m)])
     outputs = ca.cse([q_M, v_M, ca.densify(tau), ca.densify(u), v, a])
     return ca.Function(
         "flat_map",

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmsea.actuation import NUMBERS, Actuation
-from pkmsea.actuation.elements import payload_power
+from pkmsea.actuation import Actuation
 from pkmsea.actuation.flat_map import flat_map_of_columns
+from pkmsea.actuation.signals import losses, motor_torque
 from pkmsea.errors import one_line
 from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Problem
 from pkmsea.transcription import Motion
-from pkmsea.transcription.damping import derivative, frequencies
+from pkmsea.transcription.damping import DampedSprings, compliance, derivative, filtered, frequencies
 from pkmsea.transcription.poses import Poses, poses_along
 
 POINTS = 4000  # at least, per period; many more than any transcription's grid
@@ -98,17 +98,19 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     Y = np.stack([jet[:, :delta] for jet in jets], axis=1).reshape(count, -1)
     Z = np.stack([jet[:, delta:] for jet in jets[:3]], axis=1).reshape(count, -1)
     q = _poses(problem, jets[0][:, :delta])
-    r = np.concatenate([actuation.numbers(key) for key in NUMBERS])
     L = np.zeros((count, 3))
     if actuation.payload is not None:
         L = np.stack([actuation.payload(t, order) for order in range(3)], axis=1)
     k, rest = np.nan_to_num(motion.parallel, nan=1.0).T
     c = np.nan_to_num(motion.stiffness, nan=1.0)
     exact = Batch(flat_map_of_columns(actuation.shape), count)
-    q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, r))
-    for i in actuation.damped:
-        q_M[:, i], v_M[:, i], a_M = _damped(actuation, i, basis.period, motion.stiffness[i], q, v, a, u[:, i])
-        tau[:, i] = actuation.drives[i].inertia * a_M + u[:, i] + _friction(actuation, v_M)[:, i]
+    q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, actuation.r))
+    if damped := DampedSprings(actuation, basis.period, count).drives:
+        a_M = np.zeros_like(v_M)
+        for i in damped:
+            q_M[:, i], v_M[:, i], a_M[:, i] = _damped(actuation, i, basis.period, c[i], q, v, a, u[:, i])
+        torque = Batch(motor_torque(actuation.shape), count)(v_M, a_M, u, actuation.r)[0]
+        tau[:, damped] = torque[:, damped]
     power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
@@ -120,8 +122,9 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     energy = float(np.maximum(s.power, 0).sum() * mean)
     turnover = float(np.abs(s.u * s.v[:, problem.actuation.mechanism.actuated]).sum() * mean)
     scale = max(energy, IDLE * turnover, 1e-12)
-    lost = (_friction(problem.actuation, s.v_M) * s.v_M).sum() + _payload_power(problem.actuation, s).sum()
-    lost += _spring_losses(problem.actuation, s).sum()
+    actuation = problem.actuation
+    given = s.q, s.v, s.a, s.v_M, actuation.load(s.t)[:, None], actuation.r
+    lost = Batch(losses(actuation.shape), s.t.size)(*given)[0].sum()
     balance = abs(float(((s.tau * s.v_M).sum() - lost) * mean)) / scale
     gap = abs(claimed - energy) / scale
     mechanism = problem.actuation.mechanism
@@ -153,30 +156,9 @@ def _damped(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """q_M, v_M and a_M of a drive whose spring is damped: c e + d_s de/dt = u over one period, by Fourier transform."""
     joint, count = actuation.mechanism.actuated[i], u.size
-    gain = 1.0 / (c + 1j * frequencies(period, count) * actuation.drives[i].damping)
-    e = np.fft.irfft(gain * np.fft.rfft(u), count)[:, None]
+    e = filtered(compliance(c, actuation.drives[i].damping, frequencies(period, count)), u)[:, None]
     e_1, e_2 = (derivative(e, period, order)[:, 0] for order in (1, 2))
     return q[:, joint] + e[:, 0], v[:, joint] + e_1, a[:, joint] + e_2
-
-
-def _spring_losses(actuation: Actuation, s: Series) -> np.ndarray:
-    """Power lost in the springs, (points,)."""
-    rate = s.v_M - s.v[:, actuation.mechanism.actuated]
-    return np.asarray((actuation.numbers("damping") * rate**2).sum(axis=1))
-
-
-def _friction(actuation: Actuation, v_M: np.ndarray) -> np.ndarray:
-    """Friction of all drives, (points, m)."""
-    viscous, coulomb, width = (actuation.numbers(key) for key in ("friction", "coulomb", "coulomb_width"))
-    return np.asarray(viscous * v_M + coulomb * np.tanh(v_M / width))
-
-
-def _payload_power(actuation: Actuation, s: Series) -> np.ndarray:
-    """Power that goes into the payload, (points,)."""
-    if actuation.payload is None:
-        return np.zeros(s.t.size)
-    power = payload_power(actuation.shape).map(s.t.size)
-    return np.array(power(s.q.T, s.v.T, s.a.T, actuation.payload(s.t, 0)[None])).ravel()
 
 
 def _even(wanted: int, pieces: int) -> int:

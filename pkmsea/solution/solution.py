@@ -88,7 +88,7 @@ class Solution:
     @property
     def stiffness(self) -> np.ndarray:
         """Stiffness of each elastic drive [N m/rad, N/m]."""
-        return self.motion.stiffness[self.problem.actuation.elastic]
+        return np.array(list(self.motion.springs.values()))
 
     @property
     def name(self) -> str:

@@ -36,7 +36,8 @@ def transcribe_on(problem: Problem, basis: Basis, samples: int) -> Transcription
 def _refuse_extras(problem: Problem) -> None:
     """The paper's transcription knows neither parallel springs nor damped ones, and no payload."""
     shape = problem.actuation.shape
-    present = {"parallel": shape.parallel, "damping": shape.damped, "payload": shape.payload}
+    damped = any(kind.remembers for kind in shape.kinds)
+    present = {"parallel": shape.parallel, "damping": damped, "payload": shape.payload}
     for key, found in present.items():
         if found:
             raise InputError(f"The paper's transcription has no {key}.", "Use options.transcription: flat.", key=key)

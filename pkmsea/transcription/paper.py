@@ -85,13 +85,13 @@ class PaperTranscription(Transcription):
             coefficients = unknown("coefficients", self.basis.size, outputs)
             matrices = [ca.DM(self.basis.matrix(self.t, d)) for d in range(DEPTHS[0])]
             jets = [ca.horzcat(*[B @ coefficients[:, j] for B in matrices[: self._depth(j)]]).T for j in range(outputs)]
-        theta = unknown("theta", max(len(actuation.elastic), 1), 1)
+        theta = unknown("theta", max(len(actuation.parameters), 1), 1)
         q = unknown("q", self.robot.n, K)
         p = unknown("p", 1, K)
 
         c = ca.MX.ones(self.m)
-        for j, i in enumerate(actuation.elastic):
-            c[i] = ca.exp(theta[j])
+        for j, parameter in enumerate(actuation.parameters):
+            c[parameter.drive] = ca.exp(theta[j])
         Y = ca.vertcat(*[jets[j][d, :] for d in range(DEPTHS[0]) for j in range(self.delta)])
         Z = ca.vertcat(*[jets[j][d, :] for d in range(DEPTHS[1]) for j in range(self.delta, outputs)])
         torque = self._flat_torque().map(K)
@@ -146,7 +146,7 @@ class PaperTranscription(Transcription):
         exact = flat_map_of_columns(actuation.shape)
         q, Y, Z, c = (ca.SX.sym(name, exact.numel_in(i)) for i, name in enumerate(("q", "Y", "Z", "c")))
         none, mass = ca.DM.zeros(self.m), ca.DM.zeros(1, 3)
-        out = exact(q, Y, Z, c, none, none, mass, ca.DM(self.robot.r))
+        out = exact(q, Y, Z, c, none, none, mass, ca.DM(actuation.r))
         return ca.Function("flat_torque", [q, Y, Z, c], [out[2], out[1], out[4], out[5]])
 
     def _window_rows(self, rows: _Rows, Y: ca.MX) -> None:
@@ -204,7 +204,7 @@ class PaperTranscription(Transcription):
             lower, upper = np.full(flat.size, -np.inf), np.full(flat.size, np.inf)
             if name == "p":
                 lower[:] = 0.0
-            if name == "theta" and self.problem.actuation.elastic:
+            if name == "theta" and self.problem.actuation.parameters:
                 lower, upper = np.array([p.bounds for p in self.problem.actuation.parameters]).T
             elif name == "theta":
                 lower, upper = np.zeros(1), np.zeros(1)
@@ -221,10 +221,8 @@ class PaperTranscription(Transcription):
             coefficients = self.basis.fit(self.t, np.array(self._position(x)).T)
         else:
             coefficients = parts["coefficients"].copy()
-        stiffness = np.full(self.m, np.nan)
-        elastic = self.problem.actuation.elastic
-        stiffness[elastic] = np.exp(parts["theta"].ravel()[: len(elastic)])
-        return Motion(self.basis, coefficients, stiffness)
+        actuation = self.problem.actuation
+        return Motion.of(actuation, self.basis, coefficients, parts["theta"].ravel()[: len(actuation.parameters)])
 
     def within_limits(self, x: np.ndarray) -> bool:
         return True  # the NLP holds them at its samples

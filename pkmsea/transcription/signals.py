@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.actuation import Actuation
-from pkmsea.actuation.signals import NUMBERS, signal_functions
+from pkmsea.actuation.signals import signal_functions
 from pkmsea.bridge import _bridge
 from pkmsea.kernels import Pipeline, program
 
-UNIFORM = ("numbers", "eps", "factor")
+UNIFORM = ("r", "eps", "factor")
 
 
 class SignalsOnGrid:
@@ -31,7 +31,7 @@ class SignalsOnGrid:
         self._rate, self._P, self._h = np.zeros((1, count)), np.zeros((1, count)), np.zeros((signals, count))
         self._mu, self._slope = np.zeros((signals, count)), np.zeros((rows, count))
         self._J, self._Q = np.zeros((signals * rows, count)), np.zeros((rows * rows, count))
-        given = [z, np.concatenate([actuation.numbers(key) for key in NUMBERS])]
+        given = [z, actuation.r]
         weights = [*given, self._eps, self._factor, self._mu]
         calls = (
             (functions.value, [*given, self._eps], [self._rate, self._h, self._P]),

@@ -61,7 +61,7 @@ def observe(robot: Robot, trace: Trace) -> Observed:
     friction = drives.friction(v_M)
     rigid = trace.tau - drives.inertia * a[:, robot.at] - friction
     slip = v_M - v[:, robot.at]
-    u = np.where(drives.elastic, drives.spring(q_M - q[:, robot.at], slip), rigid)
+    u = drives.forces(q_M - q[:, robot.at], slip, rigid)
     kappa = drives.actuation.numbers("copper_loss")
     power = (trace.tau * v_M + kappa * trace.tau**2).sum(axis=1)
     carried = [robot.payload_power(*each) for each in zip(trace.t, q, v, a, strict=True)]

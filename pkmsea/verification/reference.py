@@ -58,7 +58,7 @@ class Reference:
     @cached_property
     def states(self) -> np.ndarray:
         """x = (q, v, q_M, v_M) at the samples; motors of elastic drives only (K, 2n + 2e)."""
-        elastic = self.problem.actuation.elastic
+        elastic = self.drives.elastic
         motors = self.series["q_M"][:, elastic], self.series["v_M"][:, elastic]
         return np.hstack([self.series["q"], self.series["v"], *motors])
 
@@ -81,8 +81,7 @@ class Reference:
     def flat_series(self) -> np.ndarray:
         """The stored series that are entries of the flat output: r_E, then q_M, u or tau of the free drives (K, m)."""
         actuation = self.problem.actuation
-        names = ["u" if i in actuation.damped else "q_M" if i in actuation.elastic else "tau" for i in actuation.free]
-        z = [self.series[name][:, i] for name, i in zip(names, actuation.free, strict=True)]
+        z = [self.series[actuation.kinds[i].coordinate][:, i] for i in actuation.free]
         return np.column_stack([self.series["r_E"], *z])
 
     def _spline(self, stride: int) -> BSpline:

@@ -130,7 +130,7 @@ def position_panel(axes: Any, solution: Solution) -> None:
     for i, label in enumerate(actuation.labels):
         color = COLORS[1 + i % (len(COLORS) - 1)]
         axes.plot(s.t, s.q[:, actuation.mechanism.actuated[i]], color=color, label=f"{label} joint", lw=1.3)
-        if actuation.drives[i].elastic:
+        if i in solution.motion.springs:
             axes.plot(s.t, s.q_M[:, i], "--", color=color, label=f"{label} motor", lw=1.1)
     unit = "rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "m"
     axes.set(xlabel="t [s]", ylabel=f"q_A, q_M [{unit}]", title=f"{solution.label}: positions")
