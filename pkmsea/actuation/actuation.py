@@ -199,6 +199,11 @@ class Actuation:
         """NUMBERS of all drives, one after the other."""
         return np.concatenate([self.numbers(key) for key in NUMBERS])
 
+    @cached_property
+    def each(self) -> list[dict[str, float]]:
+        """NUMBERS of each drive, by name (m)."""
+        return [{key: getattr(drive, key) for key in NUMBERS} for drive in self.drives]
+
     def _drive_jacobian(self, q: np.ndarray) -> np.ndarray:
         """N_A(q), (m, delta): v_A = N_A dr_E/dt."""
         A = np.array(pose.task_system(self.mechanism)(q)[1])

@@ -7,7 +7,6 @@ import numpy as np
 
 from pkmsea.actuation.actuation import Actuation, stack
 from pkmsea.actuation.kinds import DriveAt
-from pkmsea.actuation.laws import NUMBERS
 from pkmsea.errors import MechanismError
 
 MAX_DEGREE = 6
@@ -71,7 +70,7 @@ def _forward(
     at = mechanism.actuated
     found = []
     for i, (kind, drive) in enumerate(zip(actuation.kinds, actuation.drives, strict=True)):
-        numbers = {key: ca.SX(getattr(drive, key)) for key in NUMBERS}
+        numbers = {key: ca.SX(number) for key, number in actuation.each[i].items()}
         numbers["inertia"] = ca.fmax(numbers["inertia"], LEAST_INERTIA)
         c = ca.SX(drive.stiffness_range[0]) if kind.sprung else ca.SX(0)
         found.append(kind.forward(DriveAt(q[at[i]], v_A[i], drift[i], c, numbers), q_M[i], v_M[i], tau[i]))

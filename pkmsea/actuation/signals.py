@@ -12,54 +12,55 @@ from itertools import accumulate, pairwise
 import casadi as ca
 
 from pkmsea.actuation.actuation import Shape
+from pkmsea.actuation.cost import Cost
 from pkmsea.actuation.laws import NUMBERS, damper, friction, payload, rotor
 from pkmsea.kernels import named_function
 
 
 @dataclass(frozen=True)
 class SignalFunctions:
-    """Functions of one instant. Inputs: z; r, NUMBERS of all drives; eps [W], the width over which the
-    positive part is smoothed; factor of the cost's rate, and mu (h,), weights of the signals.
+    """Functions of one instant. Inputs: z; r, NUMBERS of all drives; eps, by which the cost's rate is smoothed; factor
+    of that rate, and mu (h,), weights of the signals.
 
     Signals h: tau_i and v_i of each drive, then the limited motions of joints as they are.
 
     Attributes
     ----------
-    rows : per entry of z, its row in the outputs s_D and how often it is differentiated in time.
-    value : (z, r, eps) -> rate, h, P; rate = (P + sqrt(P^2 + eps^2)) / 2 of the bus power P [W].
+    value : (z, r, eps) -> rate, h.
     slope : (z, r, eps, factor, mu) -> gradient of factor rate + mu^T h in z.
     jacobian : (z, r) -> dh/dz.
     curvature : (z, r, eps, factor, mu) -> Hessian of factor rate + mu^T h in z.
     """
 
-    rows: tuple[tuple[int, int], ...]
     value: ca.Function
     slope: ca.Function
     jacobian: ca.Function
     curvature: ca.Function
 
 
+def rows(shape: Shape, joints: int) -> list[tuple[int, int]]:
+    """Per entry of z, its row in the outputs s_D and how often it is differentiated in time."""
+    drives = [(2 * i + output, order) for i, kind in enumerate(shape.kinds) for output, order in kind.rows]
+    return drives + [(2 * shape.m + j, 0) for j in range(joints)]
+
+
 @lru_cache(maxsize=32)
-def signal_functions(shape: Shape, joints: int) -> SignalFunctions:
-    """For a robot with so many limited motions of joints."""
+def signal_functions(shape: Shape, cost: Cost, joints: int) -> SignalFunctions:
+    """For a robot, what its motion costs, and so many limited motions of joints."""
     m, first = shape.m, [0, *accumulate(len(kind.rows) for kind in shape.kinds)]
-    rows = [(2 * i + output, order) for i, kind in enumerate(shape.kinds) for output, order in kind.rows]
-    rows += [(2 * m + j, 0) for j in range(joints)]
-    z, r = ca.SX.sym("z", len(rows)), ca.SX.sym("r", len(NUMBERS) * m)
+    z, r = ca.SX.sym("z", len(rows(shape, joints))), ca.SX.sym("r", len(NUMBERS) * m)
     eps, factor, mu = ca.SX.sym("eps"), ca.SX.sym("factor"), ca.SX.sym("mu", 2 * m + joints)
     numbers = shape.numbers(r)
     own = [ca.vertsplit(z[slice(*at)]) for at in pairwise(first)]
     signals = [kind.signals(numbers[i], own[i]) for i, kind in enumerate(shape.kinds)]
     h = ca.vertcat(*[x for pair in signals for x in pair], z[first[-1] :])
-    tau, v = h[0 : 2 * m : 2], h[1 : 2 * m : 2]
-    P = ca.dot(tau, v) + ca.dot(ca.vertcat(*[each["copper_loss"] for each in numbers]), tau**2)
-    rate = (P + ca.sqrt(P**2 + eps**2)) / 2
+    tau, v = zip(*signals, strict=True)
+    rate = cost.rate(tau, v, numbers, eps)
     weighted = factor * rate + ca.dot(mu, h)
     Hessian, gradient = ca.hessian(weighted, z)
     given, weights = {"z": z, "r": r}, {"eps": eps, "factor": factor, "mu": mu}
     return SignalFunctions(
-        tuple(rows),
-        named_function("value", given | {"eps": eps}, {"rate": rate, "h": h, "P": P}),
+        named_function("value", given | {"eps": eps}, {"rate": rate, "h": h}),
         named_function("slope", given | weights, {"on_z": gradient}),
         named_function("jacobian", given, {"J": ca.jacobian(h, z)}),
         named_function("curvature", given | weights, {"Q": Hessian}),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmsea.actuation import Actuation
+from pkmsea.actuation.cost import ENERGY, Cost, bus_power
 from pkmsea.actuation.flat_map import flat_map_of_columns
 from pkmsea.actuation.signals import losses, motor_torque
 from pkmsea.errors import one_line
@@ -34,9 +35,10 @@ class Audit:
 
     Attributes
     ----------
-    energy : integral of max(P, 0) over one period, the truth [J].
-    claimed : the transcription's own value [J].
-    scale : what differences of energies are relative to: the energy, or IDLE of the drives' turnover if that is more.
+    energy : value of the cost, by default the integral of max(P, 0) over one period [J]; the truth.
+    claimed : the transcription's own value.
+    scale : what differences of values are relative to: the value, or, of an energy, IDLE of the drives' turnover if
+        that is more.
     gap : |claimed - energy| / scale.
     closure : largest closure residual [m].
     window : largest excess over a rest window at any instant [m]; zero or negative if kept.
@@ -44,6 +46,7 @@ class Audit:
     balance : |integral of tau v_M less the power of friction, dampers, payload|, relative likewise; zero if periodic.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
     faults : what keeps the result from being verified, one sentence each.
+    cost : what `energy`, `claimed` and `scale` are values of.
     """
 
     energy: float
@@ -57,6 +60,7 @@ class Audit:
     inverse: float
     direct: float
     faults: tuple[str, ...]
+    cost: Cost = ENERGY
 
     @property
     def verified(self) -> bool:
@@ -64,7 +68,7 @@ class Audit:
 
     def __repr__(self) -> str:
         status = f"not verified: {'; '.join(self.faults)}" if self.faults else "verified"
-        return one_line(f"<Audit: {self.energy:.4g} J, claimed {self.claimed:.4g} J, {status}>")
+        return one_line(f"<Audit: {self.cost.show(self.energy)}, claimed {self.cost.show(self.claimed)}, {status}>")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +115,7 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
             q_M[:, i], v_M[:, i], a_M[:, i] = _damped(actuation, i, basis.period, c[i], q, v, a, u[:, i])
         torque = Batch(motor_torque(actuation.shape), count)(v_M, a_M, u, actuation.r)[0]
         tau[:, damped] = torque[:, damped]
-    power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
+    power = np.asarray(bus_power(tau.T, v_M.T, actuation.each))
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
 
@@ -119,13 +123,14 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     """Check a motion; see `Audit`."""
     s = series(problem, motion)
     mean = problem.cycle.period / s.t.size
-    energy = float(np.maximum(s.power, 0).sum() * mean)
+    actuation, cost = problem.actuation, problem.cost
+    energy = cost.value(cost.exact(s.tau.T, s.v_M.T, actuation.each), mean)
     turnover = float(np.abs(s.u * s.v[:, problem.actuation.mechanism.actuated]).sum() * mean)
-    scale = max(energy, IDLE * turnover, 1e-12)
-    actuation = problem.actuation
+    scale = cost.scale(energy, IDLE * turnover)
     given = s.q, s.v, s.a, s.v_M, actuation.load(s.t)[:, None], actuation.r
     lost = Batch(losses(actuation.shape), s.t.size)(*given)[0].sum()
-    balance = abs(float(((s.tau * s.v_M).sum() - lost) * mean)) / scale
+    off = abs(float(((s.tau * s.v_M).sum() - lost) * mean))
+    balance = off / ENERGY.turnover(s.power, mean, IDLE * turnover)
     gap = abs(claimed - energy) / scale
     mechanism = problem.actuation.mechanism
     inverse, direct = pose.singularity(mechanism, s.q[::BETWEEN_SINGULAR])
@@ -136,7 +141,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     checks = [
         (
             gap > problem.options.energy_tolerance,
-            f"the transcription claims {claimed:.4g} J, the dense grid gives {energy:.4g} J",
+            f"the transcription claims {cost.show(claimed)}, the dense grid gives {cost.show(energy)}",
         ),
         (balance > BALANCE, f"the power balance is off by {balance:.1e}"),
         (closure > CLOSURE, f"the loops open by {closure:.1e} m"),
@@ -145,10 +150,8 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
         *((x > LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in limits.items()),
     ]
     faults = tuple(text for failed, text in checks if failed)
-    result = Audit(
-        energy, claimed, scale, gap, closure, window, limits, balance, float(inverse.min()), float(direct.min()), faults
-    )
-    return result, s
+    to_inverse, to_direct = float(inverse.min()), float(direct.min())
+    return Audit(energy, claimed, scale, gap, closure, window, limits, balance, to_inverse, to_direct, faults, cost), s
 
 
 def _damped(

@@ -1,5 +1,6 @@
 """Making a problem finite: bases, the flat transcription with its exact derivatives, and the paper's own."""
 
+from pkmsea.actuation.cost import ENERGY
 from pkmsea.errors import InputError
 from pkmsea.problem import Problem
 from pkmsea.task import Chain
@@ -34,10 +35,11 @@ def transcribe_on(problem: Problem, basis: Basis, samples: int) -> Transcription
 
 
 def _refuse_extras(problem: Problem) -> None:
-    """The paper's transcription knows neither parallel springs nor damped ones, and no payload."""
+    """The paper's transcription knows neither parallel springs nor damped ones, no payload, no other cost."""
     shape = problem.actuation.shape
     damped = any(kind.remembers for kind in shape.kinds)
-    present = {"parallel": shape.parallel, "damping": damped, "payload": shape.payload}
+    another = problem.cost != ENERGY
+    present = {"cost": another, "parallel": shape.parallel, "damping": damped, "payload": shape.payload}
     for key, found in present.items():
         if found:
             raise InputError(f"The paper's transcription has no {key}.", "Use options.transcription: flat.", key=key)

@@ -50,7 +50,7 @@ class Transcription(ABC):
 
     @abstractmethod
     def energy(self, x: np.ndarray) -> float:
-        """The energy as the transcription sees it [J]."""
+        """The value of the problem's cost as the transcription sees it, in the cost's unit."""
 
     @abstractmethod
     def motion(self, x: np.ndarray) -> Motion:

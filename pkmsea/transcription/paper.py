@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from pkmsea.actuation.cost import bus_power, positive
 from pkmsea.actuation.flat_map import flat_map_of_columns
 from pkmsea.mechanism import pose
 from pkmsea.problem import Problem
@@ -97,7 +98,7 @@ class PaperTranscription(Transcription):
         torque = self._flat_torque().map(K)
         tau, speed, v, a = torque(q, Y, Z, ca.repmat(c, 1, K))
         Psi = pose.task_system(actuation.mechanism).map(K)(q)[0]
-        P = ca.sum1(tau * speed + ca.repmat(ca.DM(self.problem.kappa), 1, K) * tau**2)
+        P = bus_power(ca.vertsplit(tau), ca.vertsplit(speed), actuation.each)
         closures = self.robot.n - self.delta
         rows.add(Psi[:closures, :], 0.0, 0.0)
         rows.add(Psi[closures:, :] - Y[: self.delta, :], 0.0, 0.0)
@@ -183,7 +184,7 @@ class PaperTranscription(Transcription):
             parts["coefficients"] = coefficients
         parts["p"] = np.zeros((1, self.samples))
         x = self._stack(parts)
-        parts["p"] = np.maximum(np.array(self._power(x)), 0.0)
+        parts["p"] = positive(np.array(self._power(x)))
         return self._stack(parts)
 
     def _stack(self, parts: dict[str, np.ndarray]) -> np.ndarray:
@@ -212,8 +213,8 @@ class PaperTranscription(Transcription):
         return Nlp(tuple(variables), self._lower, self._upper, self._oracle, 1, lambda step, x: np.zeros(1))
 
     def energy(self, x: np.ndarray) -> float:
-        power = np.array(self._power(x))
-        return float(np.maximum(power, 0.0).sum() * self.problem.cycle.period / self.samples)
+        rates = positive(np.array(self._power(x)))
+        return self.problem.cost.value(rates, self.problem.cycle.period / self.samples)
 
     def motion(self, x: np.ndarray) -> Motion:
         parts = self._parts(x)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pkmsea.actuation import Actuation
-from pkmsea.actuation.signals import signal_functions
+from pkmsea.actuation.signals import rows
 from pkmsea.bridge import _bridge
 from pkmsea.mechanism import pose
 from pkmsea.transcription.bases import Basis, derivative_weights
@@ -49,9 +49,9 @@ class RobotOnGrid:
         self.springs = DampedSprings(actuation, basis.period, samples)
         self.cells = make_cells(basis, samples, HALF_WIDTH, whole=bool(self.springs.drives))  # they have a memory
         self.local = self._local_indices()
-        rows = np.array(signal_functions(actuation.shape, len(limited)).rows, np.int32)
-        self.z = np.zeros((rows.shape[0], samples))
-        self._grid = self._make_grid(rows)
+        of_z = np.array(rows(actuation.shape, len(limited)), np.int32)
+        self.z = np.zeros((of_z.shape[0], samples))
+        self._grid = self._make_grid(of_z)
         self._poses = Poses(mechanism, samples)
         self._outputs = np.zeros_like(self.instants.s)  # with the deflections of the damped springs
         self._sign: dict[str, float] = {}

@@ -221,9 +221,10 @@ def _caption(solution: Solution) -> str:
     actuation = solution.problem.actuation
     unit = "N m/rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "N/m"
     springs = ", ".join(f"{actuation.labels[i]} {c:.4g}" for i, c in solution.motion.springs.items())
+    energy = solution.cost.show(solution.energy)
     lines = [
         f"<b>{html.escape(solution.label)}</b>",
-        f"{solution.energy:.4g} J per cycle of {solution.problem.cycle.period:g} s, {html.escape(solution.status)}",
+        f"{energy} per cycle of {solution.problem.cycle.period:g} s, {html.escape(solution.status)}",
         f"springs [{unit}]: {html.escape(springs)}" if springs else "rigid drives",
         f"played {SLOW_MOTION:g} times slower; blue: rotors, orange: springs",
     ]
