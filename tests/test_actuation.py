@@ -189,11 +189,23 @@ def test_free_coordinates_give_the_forces_back(mechanisms: dict[str, Mechanism],
     instants = Instants(robot.shape, (), robot.r, np.zeros(1))
     instants.xi[:n, 0], instants.w[:, 0], instants.p[:] = q, w, p
     instants.solve()
-    v, a, u = np.empty(n), np.empty(n), np.empty(m)
-    v[:], a[:], forces = np.split(instants.xi[n:, 0], [n, 2 * n])
+    v, a, forces = np.split(instants.xi[n:, 0], [n, 2 * n])
+    u = np.empty(m)
     u[[*robot.free, *robot.shape.dependent]] = forces[:m]
     z = free_coordinates(robot.shape)(q, v, a, u, p, robot.r)
     np.testing.assert_allclose(np.array(z).ravel(), w[3 * delta :], rtol=1e-10, atol=1e-12)
+
+
+def test_flat_map_with_the_numbers_in_place(mechanisms: dict[str, Mechanism]) -> None:
+    """Keywords may be left out; the pose equation vanishes at a pose of the end effector."""
+    robot = actuation(mechanisms["pkm_2rrr"], [ELASTIC | FRICTION] * 2)
+    y = robot.mechanism.end_effector(robot.mechanism.seed) + 0.01
+    q = robot.mechanism.configuration(y)
+    assert np.abs(np.array(robot.pose_equation()(q, y))).max() < 1e-9
+    Y = np.column_stack([y, np.random.default_rng(5).normal(size=(2, 4))])
+    bound = robot.flat_map()(q=q, Y=Y, c=[0.2, 0.3])
+    exact = flat_map(robot.shape)(q=q, Y=Y, c=[0.2, 0.3], r=robot.r)
+    np.testing.assert_allclose(np.array(bound["tau"]), np.array(exact["tau"]), rtol=1e-12)
 
 
 def test_free_drive_leaves_a_well_conditioned_rest(mechanisms: dict[str, Mechanism]) -> None:

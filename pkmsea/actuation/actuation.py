@@ -190,6 +190,27 @@ class Actuation:
 
         return relative_degree(self)
 
+    def flat_map(self) -> ca.Function:
+        """(q, Y, Z, c, k, rest, L) -> q_M, v_M, tau, u, v, a: `pkmsea.flat_map` with this robot's numbers in place.
+
+        q (n,) is the pose that satisfies `pose_equation`; Y (delta, 5) is r_E and four time derivatives, Z (m - delta,
+        3) the free drives' coordinates and two, c (m,) the stiffnesses. Called with keywords, what the robot does not
+        have can be left out: free drives, springs in parallel (k, rest), the payload (L). For NLPs of one's own.
+        """
+        from pkmsea.actuation.flat_map import flat_map
+
+        exact = flat_map(self.shape)
+        names = exact.name_in()[:-1]
+        given = [ca.SX.sym(name, *exact.size_in(name)) for name in names]
+        return ca.Function("flat_map", given, exact.call([*given, ca.SX(self.r)]), names, exact.name_out())
+
+    def pose_equation(self) -> ca.Function:
+        """(q, y) -> Psi(q) - [0; y] (n,): zero where the loops are closed and the end effector is at y (delta,)."""
+        n, delta = self.mechanism.model.nq, self.mechanism.mobility
+        q, y = ca.SX.sym("q", n), ca.SX.sym("y", delta)
+        gap = pose.task_system(self.mechanism)(q)[0] - ca.vertcat(ca.SX(n - delta, 1), y)
+        return ca.Function("pose_equation", [q, y], [ca.densify(gap)], ["q", "y"], ["gap"])
+
     def numbers(self, key: str) -> np.ndarray:
         """One number of every drive (m,), such as `inertia`, `friction`, `copper_loss`."""
         return np.array([getattr(drive, key) for drive in self.drives])

@@ -15,7 +15,7 @@ from pkmsea.solution.audit import Audit, Series, audit
 from pkmsea.solution.local import optimality_of
 from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Optimality, Optimum, Start, optima
-from pkmsea.transcription import Motion
+from pkmsea.transcription import TRANSCRIPTIONS, Motion
 
 STATED = 1e-6  # difference of a file's energy from the recomputed one, relative like the audit's gap
 
@@ -115,7 +115,9 @@ class Solution:
         except SolveError as error:
             return (error.cause,)
         faults = list(audit.faults)
-        if options.transcription != "paper" and not agree(self.meshes, audit.scale, options.energy_tolerance):
+        if TRANSCRIPTIONS[options.transcription].refines and not agree(
+            self.meshes, audit.scale, options.energy_tolerance
+        ):
             values = ["unsolved" if mesh.energy is None else self.cost.show(mesh.energy) for mesh in self.meshes]
             faults.append(f"no two successive meshes agree ({', '.join(values)})")
         if self.stated is not None and not abs(self.stated - audit.energy) <= STATED * audit.scale:

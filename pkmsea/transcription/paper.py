@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation.cost import bus_power, positive
+from pkmsea.actuation.cost import ENERGY, bus_power, positive
 from pkmsea.actuation.flat_map import flat_map_of_columns
+from pkmsea.errors import InputError
 from pkmsea.mechanism import pose
 from pkmsea.problem import Problem
-from pkmsea.task import Chain
 from pkmsea.transcription import guess
 from pkmsea.transcription.base import Transcription
-from pkmsea.transcription.bases import Basis, SplineBasis, make_basis
+from pkmsea.transcription.bases import BASES, Basis, SplineBasis, make_basis
 from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp, Variable
 from pkmsea.transcription.robot import RobotOnGrid
@@ -53,14 +53,12 @@ class PaperTranscription(Transcription):
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
-        options = problem.options
+        _refuse_extras(problem)
+        options, period = problem.options, problem.cycle.period
         self.samples = options.samples or SAMPLES
-        self.chain = isinstance(options.trajectory, Chain)
-        period = problem.cycle.period
+        self.chain = options.trajectory.kind not in BASES
         self.basis: Basis = (
-            SplineBasis(period, self.samples, DEGREE)
-            if isinstance(options.trajectory, Chain)
-            else make_basis(options.trajectory, period)
+            SplineBasis(period, self.samples, DEGREE) if self.chain else make_basis(options.trajectory, period)
         )
         self.size = self.basis.size
         self.t = np.arange(self.samples) * period / self.samples
@@ -227,3 +225,14 @@ class PaperTranscription(Transcription):
 
     def within_limits(self, x: np.ndarray) -> bool:
         return True  # the NLP holds them at its samples
+
+
+def _refuse_extras(problem: Problem) -> None:
+    """The paper's transcription knows neither parallel springs nor damped ones, no payload, no other cost."""
+    shape = problem.actuation.shape
+    damped = any(kind.remembers for kind in shape.kinds)
+    another = problem.cost != ENERGY
+    present = {"cost": another, "parallel": shape.parallel, "damping": damped, "payload": shape.payload}
+    for key, found in present.items():
+        if found:
+            raise InputError(f"The paper's transcription has no {key}.", "Use options.transcription: flat.", key=key)
