@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
 
-from pkmsea.actuation import NUMBERS, Actuation, Drive, flat_map
-from pkmsea.actuation.equations import stage
+from pkmsea.actuation import NUMBERS, Actuation, Drive, flat_map, laws
+from pkmsea.actuation.equations import free_coordinates, stage
 from pkmsea.actuation.flat_batch import FlatBatch
 from pkmsea.errors import InputError, MechanismError
 from pkmsea.mechanism import Mechanism, load_mechanism
@@ -119,17 +119,16 @@ def test_stage_equations_agree_with_the_flat_map(mechanisms: dict[str, Mechanism
     Y, Z = rng.normal(size=(delta, 5)), rng.normal(size=(m - delta, 3))
     Y[:, 0] = robot.mechanism.end_effector(q)
     c = np.where([d.elastic for d in robot.drives], 0.3, 1.0)
-    r = np.concatenate([robot.numbers(key) for key in NUMBERS])
     p = np.array([np.mean(parameter.bounds) for parameter in robot.parameters])
     p[: len(robot.elastic)] = np.log(c[robot.elastic])
     k, rest = np.nan_to_num(Motion.of(robot, SplineBasis(1.0, 24, 7), np.zeros((24, m)), p).parallel).T
-    instants = Instants(robot.shape, tuple(range(2 * m, 2 * m + 3 * q.size)), r, np.zeros(1))
+    instants = Instants(robot.structure, tuple(range(2 * m, 2 * m + 3 * q.size)), robot.r, np.zeros(1))
     instants.xi[: q.size, 0], instants.w[:, 0], instants.p[:] = q, np.concatenate([Y[:, :3].T.ravel(), Z[:, 0]]), p
     instants.solve()
     s = instants.s[:, 0]
-    exact = flat_map(robot.shape)(q, Y, Z, c, k, rest, np.zeros((1, 3)), r)
-    columns = [x[None] for x in (q, Y.T.ravel(), Z.T.ravel(), c, k, rest, np.zeros(3), r)]
-    for found, expected in zip(FlatBatch(robot.shape, 1)(*columns), exact, strict=True):
+    exact = flat_map(robot.structure)(q, Y, Z, c, k, rest, np.zeros((1, 3)), robot.r)
+    columns = [x[None] for x in (q, Y.T.ravel(), Z.T.ravel(), c, k, rest, np.zeros(3), robot.r)]
+    for found, expected in zip(FlatBatch(robot.structure, 1)(*columns), exact, strict=True):
         np.testing.assert_allclose(found.ravel(), np.array(expected).ravel(), rtol=1e-9, atol=1e-11)
     q_M, _, tau, u, v, a = (np.array(x).ravel() for x in exact)
     for i, drive in enumerate(robot.drives):
@@ -142,7 +141,7 @@ def test_the_equations_hold_and_their_derivatives_are_exact(mechanisms: dict[str
     """The residual at the solved unknowns, and total derivatives against central differences along the equations."""
     robot = actuation(mechanisms["pkm_3rrr"], [ELASTIC] * 3)
     n, m, delta = robot.mechanism.model.nq, robot.m, robot.mechanism.mobility
-    equations = stage(robot.shape)
+    equations = stage(robot.structure)
     residual = ca.Function("R", [equations.xi, *equations.given], [equations.R])
     rng = np.random.default_rng(2)
     w = rng.normal(size=equations.w.numel())
@@ -151,7 +150,7 @@ def test_the_equations_hold_and_their_derivatives_are_exact(mechanisms: dict[str
     poses = Poses(robot.mechanism, 1)
 
     def solved(at: np.ndarray) -> Instants:
-        instants = Instants(robot.shape, (2 * m + n,), r, load)
+        instants = Instants(robot.structure, (2 * m + n,), r, load)
         q = poses.close(robot.mechanism.seed[:, None], at[:delta, None])
         assert q is not None
         instants.xi[:n], instants.w[:, 0], instants.p[:], instants.mu[:, 0] = q, at[:-3], at[-3:], mu
@@ -174,6 +173,43 @@ def test_the_equations_hold_and_their_derivatives_are_exact(mechanisms: dict[str
     change = central(lambda at: mu @ slope(at))
     W = solved(w).C.reshape(w.size, w.size)
     np.testing.assert_allclose(W @ direction, change, rtol=0, atol=1e-6 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("spring", [laws.Linear(), laws.Cubic()])
+def test_deflection_is_the_inverse_of_the_force(spring: laws.Spring) -> None:
+    u, numbers = np.linspace(-3.0, 3.0, 13), {"cubic": ca.DM(0.7)}
+    again = spring.force(ca.DM(0.4), numbers, spring.deflection(ca.DM(0.4), numbers, ca.DM(u)))
+    np.testing.assert_allclose(np.array(again).ravel(), u, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "drives"), [m for m in MIXTURES if m[0] == "pkm_3rrr"])
+def test_free_coordinates_give_the_forces_back(mechanisms: dict[str, Mechanism], name: str, drives: list) -> None:
+    """Forces of a motion -> the free drives' coordinates -> the same forces by the stage equations."""
+    robot = actuation(mechanisms[name], drives)
+    q, n, m, delta = robot.mechanism.seed, robot.mechanism.model.nq, robot.m, robot.mechanism.mobility
+    rng = np.random.default_rng(4)
+    w = np.concatenate([robot.mechanism.end_effector(q), rng.normal(size=2 * delta + m - delta)])
+    p = np.array([np.mean(parameter.bounds) for parameter in robot.parameters])
+    instants = Instants(robot.structure, (), robot.r, np.zeros(1))
+    instants.xi[:n, 0], instants.w[:, 0], instants.p[:] = q, w, p
+    instants.solve()
+    v, a, forces = np.split(instants.xi[n:, 0], [n, 2 * n])
+    u = np.empty(m)
+    u[[*robot.free, *robot.structure.dependent]] = forces[:m]
+    z = free_coordinates(robot.structure)(q, v, a, u, p, robot.r)
+    np.testing.assert_allclose(np.array(z).ravel(), w[3 * delta :], rtol=1e-10, atol=1e-12)
+
+
+def test_flat_map_with_the_numbers_in_place(mechanisms: dict[str, Mechanism]) -> None:
+    """Keywords may be left out; the pose equation vanishes at a pose of the end effector."""
+    robot = actuation(mechanisms["pkm_2rrr"], [ELASTIC | FRICTION] * 2)
+    y = robot.mechanism.end_effector(robot.mechanism.seed) + 0.01
+    q = robot.mechanism.configuration(y)
+    assert np.abs(np.array(robot.pose_equation()(q, y))).max() < 1e-9
+    Y = np.column_stack([y, np.random.default_rng(5).normal(size=(2, 4))])
+    bound = robot.flat_map()(q=q, Y=Y, c=[0.2, 0.3])
+    exact = flat_map(robot.structure)(q=q, Y=Y, c=[0.2, 0.3], r=robot.r)
+    np.testing.assert_allclose(np.array(bound["tau"]), np.array(exact["tau"]), rtol=1e-12)
 
 
 def test_free_drive_leaves_a_well_conditioned_rest(mechanisms: dict[str, Mechanism]) -> None:

@@ -19,7 +19,6 @@ ORDER = (
 ROOT = Path(pkmsea.__file__).parent
 FREE = {"pkmsea", "pkmsea.__main__"}  # the package's front doors
 CIRCLES = {  # left to be undone
-    frozenset({"pkmsea.actuation.actuation", "pkmsea.actuation.degree"}),
     frozenset({"pkmsea.solution.solution", "pkmsea.solution.store"}),
 }
 

@@ -10,10 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from test_cost import CopperLoss
 
-from pkmsea.problem import build_problem
+from pkmsea.actuation import Drive
+from pkmsea.mechanism import load_mechanism
+from pkmsea.problem import Problem, build_problem
 from pkmsea.solution import solve
-from pkmsea.task import load_task
+from pkmsea.task import Cycle, Options, load_task
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TASKS = sorted((EXAMPLES / "tasks").glob("*.yaml"))
@@ -50,6 +53,25 @@ def test_task_in_python(tmp_path: Path) -> None:
     told = run("task_in_python.py", tmp_path)
     assert "verified, verified" in told
     assert float(told.split("%")[0].split()[-1]) == pytest.approx(74.5, abs=1.0)
+
+
+def test_own_ocp(tmp_path: Path) -> None:
+    """Opti on the flat map, poses as unknowns, finds what the flat transcription finds in the same basis."""
+    told = run("own_ocp.py", tmp_path)
+    motor = {"inertia": 4.6e-4, "friction": 4.8e-3, "copper_loss": 63.4, "stiffness": {"bounds": [0.01, 1.0]}}
+    points = [{"at": at, "window": 1e-6} for at in ([-0.07, -0.07], [0.07, 0.07])]
+    posed = Problem(
+        name="copper loss",
+        mechanism=load_mechanism("pkm_2rrr"),
+        drives=(Drive(kind="sea", **motor),),
+        cycle=Cycle(period=1.0, points=points),
+        options=Options(starts=1, trajectory={"kind": "fourier", "order": 5}, meshes=1),
+        cost=CopperLoss(),
+    )
+    found = solve(posed, workers=1)
+    assert float(told.split("loss")[1].split("J")[0]) == pytest.approx(found.energy, abs=1e-4)
+    springs = [float(c) for c in told.split("[")[1].split("]")[0].split()]
+    assert springs == pytest.approx(found.stiffness, abs=1e-3)
 
 
 def test_transcriptions_study(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def turnover(variant: Variant) -> np.ndarray:
         mechanism = load_mechanism(native(Path(folder) / "robot", variant))
     drives = [Drive.model_validate(DRIVES[joint]) for joint in variant.drives]
     actuation = Actuation(mechanism, tuple(drives))
-    function, kappa = flat_map(actuation.shape), actuation.numbers("copper_loss")
+    function, kappa = flat_map(actuation.structure), actuation.numbers("copper_loss")
     r, none = np.concatenate([actuation.numbers(key) for key in NUMBERS]), np.zeros(len(drives))
     c = [drive.stiffness_range[0] if drive.elastic else 1.0 for drive in drives]
     w, total = 2 * np.pi, np.zeros(3)

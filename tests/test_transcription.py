@@ -6,10 +6,11 @@ import pytest
 from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, task
 
 from pkmsea.paper import paper_task
-from pkmsea.problem import build_problem
+from pkmsea.problem import Problem, build_problem
+from pkmsea.solution import solve
 from pkmsea.solver.ipopt import solve_nlp
 from pkmsea.task import Spline
-from pkmsea.transcription import transcribe
+from pkmsea.transcription import TRANSCRIPTIONS, transcribe
 from pkmsea.transcription.bases import Basis, FourierBasis, SplineBasis, derivative_weights
 from pkmsea.transcription.default import FlatTranscription
 from pkmsea.transcription.flat import FlatNlp
@@ -94,10 +95,8 @@ def test_cells_and_the_dense_way_agree() -> None:
     x = start(problem, cut.robot, np.random.default_rng(0))
     cut.robot.start(x)
     assert cut.robot.cells.samples.shape[0] == 24
-    from pkmsea.transcription import cells
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cells, "_cell_count", lambda *_: 1)
+        patch.setattr(SplineBasis, "cells", lambda *_: 1)
         whole = FlatNlp(problem, SplineBasis(1.0, 24, 7), 96, ())
     whole.robot.start(x)
     assert whole.robot.cells.samples.shape[0] == 1
@@ -151,3 +150,23 @@ def test_paper_transcription_by_integrator_chains() -> None:
     equations = nlp.g_lower == nlp.g_upper
     assert np.abs(g[equations]).max() < 0.05
     np.testing.assert_allclose(transcription.motion(x).stiffness, np.sqrt(5 * 1000), rtol=1e-12)
+
+
+class Halved(FlatTranscription):
+    """One of a user's own: the flat one with a single start, half as many knots and no finer mesh."""
+
+    @classmethod
+    def of(cls, problem: Problem) -> "Halved":
+        return cls(problem, Spline(kind="spline", knots=25), None)
+
+    def refined(self) -> None:
+        return None
+
+
+def test_a_transcription_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Solved as it is, or found by name."""
+    problem = build_problem(task("pkm_2rrr", ELASTIC, options={"starts": 2}))
+    solution = solve(Halved.of(problem), workers=2)
+    assert [mesh.size for mesh in solution.meshes] == [25] and solution.audit().gap < 5e-3
+    monkeypatch.setitem(TRANSCRIPTIONS, "flat", Halved)
+    assert isinstance(transcribe(problem), Halved)

@@ -75,9 +75,9 @@ def instructions(functions: StageFunctions) -> tuple[int, int, int]:
 
 def row(name: str, actuation: Actuation) -> str:
     begin = time.perf_counter()
-    counts = instructions(stage_functions(actuation.shape))
+    counts = instructions(stage_functions(actuation.structure))
     r = np.concatenate([actuation.numbers(key) for key in NUMBERS])
-    instants = Instants(actuation.shape, (), r, np.zeros(INSTANTS))
+    instants = Instants(actuation.structure, (), r, np.zeros(INSTANTS))
     built = time.perf_counter() - begin
     instants.xi[: len(actuation.mechanism.joints)] = actuation.mechanism.seed[:, None]
     times = []

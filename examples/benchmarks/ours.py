@@ -111,4 +111,4 @@ def through(posed: Problem, r_E: np.ndarray, stiffness: np.ndarray) -> Motion:
 def exact_map(posed: Problem) -> tuple[ca.Function, ca.DM, ca.DM]:
     """The flat map of the robot, its inputs for parallel springs that are not there, and the drives' numbers."""
     numbers = [posed.actuation.numbers(name) for name in NUMBERS_OF_DRIVES]
-    return flat_map(posed.actuation.shape), ca.DM.zeros(posed.actuation.m), ca.DM(np.concatenate(numbers))
+    return flat_map(posed.actuation.structure), ca.DM.zeros(posed.actuation.m), ca.DM(np.concatenate(numbers))

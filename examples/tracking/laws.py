@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 
 import pkmsea
-from pkmsea.actuation.actuation import NUMBERS
 
 ORDER = 4  # of the error dynamics: the relative degree of r_E where all drives are elastic
 POLES = 60.0  # all of them, [1/s]; the rotors on their springs swing with 16
@@ -63,16 +62,15 @@ def motor_feedback(solution: pkmsea.Solution, reference: Reference) -> Law:
 def flatness_based(solution: pkmsea.Solution, reference: Reference, poles: float = POLES) -> Law:
     """tau = f_tau(y, y', y'', y''', w),  w = y_d'''' + sum_i k_i (y_d^(i) - y^(i)),  y ... y''' from the state"""
     actuation, c = solution.problem.actuation, solution.stiffness
-    chain, flat_map = flat_chain(actuation.mechanism, c), pkmsea.flat_map(actuation.shape)
+    chain, flat_map = flat_chain(actuation.mechanism, c), actuation.flat_map()
     planned = np.stack([solution.motion.flat_output(reference.t, i) for i in range(ORDER + 1)], axis=2)
     gains = np.array([comb(ORDER, i) * poles ** (ORDER - i) for i in range(ORDER)])  # of (s + poles)^4
-    numbers = np.concatenate([actuation.numbers(key) for key in NUMBERS])
 
     def law(k: int, state: State) -> np.ndarray:
         q, v, q_M, v_M = state
         Y = np.array(chain(q, v[actuation.mechanism.independent], q_M, v_M))
         w = planned[k, :, ORDER] + (planned[k, :, :ORDER] - Y) @ gains
-        found = flat_map(q=q, Y=np.column_stack([Y, w]), c=c, r=numbers)
+        found = flat_map(q=q, Y=np.column_stack([Y, w]), c=c)
         return np.array(found["tau"]).ravel()
 
     return law

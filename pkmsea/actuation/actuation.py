@@ -6,44 +6,19 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Literal
+from math import prod
 
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation.drive import Drive, as_range
+from pkmsea.actuation.degree import relative_degree
+from pkmsea.actuation.drive import Drive, ParameterKind
+from pkmsea.actuation.flat_map import flat_map
+from pkmsea.actuation.kinds import Kind, kind_of
+from pkmsea.actuation.laws import NUMBERS
+from pkmsea.actuation.structure import Structure
 from pkmsea.errors import InputError, one_line
 from pkmsea.mechanism import Mechanism, pose
-
-RIGID_PENALTY = 0.1
-
-
-@dataclass(frozen=True)
-class Shape:
-    """What a robot's Functions are built for; all its numbers are inputs of theirs, so that robots can share them.
-
-    `elastic` are the series elastic drives, `free` those whose coordinate belongs to the flat output, `cubic` those
-    whose spring hardens, `damped` those whose spring has losses, `parallel` those with a spring beside them; `payload`:
-    whether the end effector carries one.
-    """
-
-    mechanism: Mechanism
-    elastic: tuple[int, ...]
-    free: tuple[int, ...]
-    cubic: tuple[int, ...] = ()
-    parallel: tuple[int, ...] = ()
-    payload: bool = False
-    damped: tuple[int, ...] = ()
-
-    @property
-    def m(self) -> int:
-        """Number of drives."""
-        return len(self.mechanism.actuated)
-
-    @property
-    def dependent(self) -> list[int]:
-        """The delta drives whose forces follow from the load equation."""
-        return [i for i in range(self.m) if i not in self.free]
 
 
 @dataclass(frozen=True)
@@ -53,7 +28,7 @@ class Parameter:
     `kind` is c (series stiffness), k or rest (of the parallel spring); stiffnesses are optimised by their logarithm.
     """
 
-    kind: Literal["c", "k", "rest"]
+    kind: ParameterKind
     drive: int
     label: str
     low: float
@@ -73,9 +48,6 @@ class Parameter:
         return (float(np.log(self.low)), float(np.log(self.high))) if self.logarithmic else (self.low, self.high)
 
 
-NUMBERS = ("inertia", "friction", "coulomb", "coulomb_width", "cubic")  # r holds each for all drives
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Actuation:
     """A mechanism with m drives; rigid and series elastic ones may be mixed, and m may exceed the mobility delta.
@@ -83,7 +55,7 @@ class Actuation:
     The flat output is y = (r_E, z). The load equation in task space, N_A^T u = N^T rnea(q, v, a) with v = N dr_E/dt
     and N_A its rows at the drives, fixes the forces u of delta `dependent` drives. Each of the m - delta `free` drives
     adds one entry to z: its motor position q_M if it is elastic, its force u if its spring is damped, its torque tau if
-    it is rigid.
+    it is rigid (`pkmsea.actuation.kinds`).
 
     `poses` (n,) each, are where the robot works; by default the mechanism's seed. `payload` gives the mass at the end
     effector [kg] and its derivatives: (times, order) -> (len(times),).
@@ -138,39 +110,27 @@ class Actuation:
         def score(chosen: Iterable[int]) -> float:
             rest = [i for i in range(m) if i not in chosen]
             worst = float(np.abs(np.linalg.det(jacobians[:, rest])).min())
-            return round(float(worst * RIGID_PENALTY ** sum(not self.drives[i].elastic for i in chosen)), 9)
+            return round(worst / prod(self.kinds[i].reluctance for i in chosen), 9)
 
         return list(max(combinations(range(m), m - delta), key=score))
 
     @cached_property
-    def shape(self) -> Shape:
+    def structure(self) -> Structure:
         """This robot without its numbers."""
-        cubic = tuple(i for i, drive in enumerate(self.drives) if drive.cubic)
         parallel = tuple(i for i, drive in enumerate(self.drives) if drive.parallel)
-        payload = self.payload is not None
-        return Shape(
-            self.mechanism, tuple(self.elastic), tuple(self.free), cubic, parallel, payload, tuple(self.damped)
-        )
+        return Structure(self.mechanism, self.kinds, tuple(self.free), parallel, self.payload is not None)
 
     @cached_property
-    def damped(self) -> list[int]:
-        """The elastic drives whose spring has losses."""
-        return [i for i, drive in enumerate(self.drives) if drive.damping]
+    def kinds(self) -> tuple[Kind, ...]:
+        """The kind of each drive (m)."""
+        return tuple(kind_of(drive) for drive in self.drives)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Stiffness of each elastic drive; then stiffness and rest position of each parallel spring."""
-        series = [Parameter("c", i, self.labels[i], *self.drives[i].stiffness_range) for i in self.elastic]
-        beside = [
-            parameter
-            for i, drive in enumerate(self.drives)
-            if (spring := drive.parallel) is not None
-            for parameter in (
-                Parameter("k", i, self.labels[i], *as_range(spring.stiffness)),
-                Parameter("rest", i, self.labels[i], *as_range(spring.rest)),
-            )
-        ]
-        return (*series, *beside)
+        return tuple(
+            Parameter(kind, i, self.labels[i], *self.drives[i].range_of(kind)) for kind, i in self.structure.parameters
+        )
 
     def load(self, t: np.ndarray) -> np.ndarray:
         """Mass at the end effector at times t [kg], (len(t),)."""
@@ -179,51 +139,56 @@ class Actuation:
     @cached_property
     def elastic(self) -> list[int]:
         """The series elastic drives."""
-        return [i for i, drive in enumerate(self.drives) if drive.elastic]
+        return [i for i, kind in enumerate(self.kinds) if kind.sprung]
 
     @cached_property
     def flat_outputs(self) -> list[str]:
         """Names of the flat output's entries."""
         axes = [f"{axis}_E" for axis in self.mechanism.description.end_effector.coordinates]
-        kinds = ["u" if i in self.damped else "q_M" if i in self.elastic else "tau" for i in range(self.m)]
-        return axes + [f"{kinds[i]} {self.labels[i]}" for i in self.free]
+        return axes + [f"{self.kinds[i].coordinate} {self.labels[i]}" for i in self.free]
 
     def relative_degree(self) -> tuple[int, ...]:
         """Vector relative degree of the flat output, found by Lie derivatives (Isidori, 1995).
 
         Entry i is the number of time derivatives of y_i until an input tau occurs first; zero where y_i is a torque.
         """
-        from pkmsea.actuation.degree import relative_degree
+        return relative_degree(self.structure, self.drives)
 
-        return relative_degree(self)
+    def flat_map(self) -> ca.Function:
+        """(q, Y, Z, c, k, rest, L) -> q_M, v_M, tau, u, v, a: `pkmsea.flat_map` with this robot's numbers in place.
+
+        q (n,) is the pose that satisfies `pose_equation`; Y (delta, 5) is r_E and four time derivatives, Z (m - delta,
+        3) the free drives' coordinates and two, c (m,) the stiffnesses. Called with keywords, what the robot does not
+        have can be left out: free drives, springs in parallel (k, rest), the payload (L). For NLPs of one's own.
+        """
+        exact = flat_map(self.structure)
+        names = exact.name_in()[:-1]
+        given = [ca.SX.sym(name, *exact.size_in(name)) for name in names]
+        return ca.Function("flat_map", given, exact.call([*given, ca.SX(self.r)]), names, exact.name_out())
+
+    def pose_equation(self) -> ca.Function:
+        """(q, y) -> Psi(q) - [0; y] (n,): zero where the loops are closed and the end effector is at y (delta,)."""
+        n, delta = self.mechanism.model.nq, self.mechanism.mobility
+        q, y = ca.SX.sym("q", n), ca.SX.sym("y", delta)
+        gap = pose.task_system(self.mechanism)(q)[0] - ca.vertcat(ca.SX(n - delta, 1), y)
+        return ca.Function("pose_equation", [q, y], [ca.densify(gap)], ["q", "y"], ["gap"])
 
     def numbers(self, key: str) -> np.ndarray:
         """One number of every drive (m,), such as `inertia`, `friction`, `copper_loss`."""
         return np.array([getattr(drive, key) for drive in self.drives])
+
+    @cached_property
+    def r(self) -> np.ndarray:
+        """NUMBERS of all drives, one after the other."""
+        return np.concatenate([self.numbers(key) for key in NUMBERS])
+
+    @cached_property
+    def each(self) -> list[dict[str, float]]:
+        """NUMBERS of each drive, by name (m)."""
+        return [{key: getattr(drive, key) for key in NUMBERS} for drive in self.drives]
 
     def _drive_jacobian(self, q: np.ndarray) -> np.ndarray:
         """N_A(q), (m, delta): v_A = N_A dr_E/dt."""
         A = np.array(pose.task_system(self.mechanism)(q)[1])
         N = np.linalg.solve(A, np.eye(A.shape[0])[:, A.shape[0] - self.mechanism.mobility :])
         return np.asarray(N[self.mechanism.actuated])
-
-
-def stack(expressions: list[ca.SX]) -> ca.SX:
-    """Vertical stack that stays a column when it is empty."""
-    return ca.densify(ca.vertcat(*expressions)) if expressions else ca.SX(0, 1)
-
-
-def on_joints(u: ca.SX, at: list[int], n: int) -> ca.SX:
-    """S_A^T u: the drives' forces on the joints (n,)."""
-    result = ca.SX(n, 1)
-    for i, joint in enumerate(at):
-        result[joint] += u[i]
-    return result
-
-
-def dependent_columns(shape: Shape) -> ca.DM:
-    """Columns of S_A^T that belong to the dependent drives, (n, delta)."""
-    S = ca.DM(shape.mechanism.model.nq, len(shape.dependent))
-    for column, i in enumerate(shape.dependent):
-        S[shape.mechanism.actuated[i], column] = 1
-    return S

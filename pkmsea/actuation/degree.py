@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation.actuation import Actuation, stack
+from pkmsea.actuation.drive import Drive
+from pkmsea.actuation.kinds import DriveAt
+from pkmsea.actuation.laws import NUMBERS
+from pkmsea.actuation.structure import Structure, stack
 from pkmsea.errors import MechanismError
 
 MAX_DEGREE = 6
+LEAST_INERTIA = 1e-12  # [kg m^2, kg]; a motor without inertia has no state otherwise
 
 
-def relative_degree(actuation: Actuation) -> tuple[int, ...]:
+def relative_degree(structure: Structure, drives: Sequence[Drive]) -> tuple[int, ...]:
     """Smallest r_i such that d^r_i y_i / dt^r_i depends on tau; the decoupling matrix must have full rank.
 
-    State (q, v_ind, q_M, v_M), input tau; equations of the paper, eq. (EOMAll) and (EOMRD), for any mixture, with
-    u = c e + c_3 e^3 + d_s de/dt of a spring wound by e = q_M - q_A: a damped one passes the motor's speed on.
+    State (q, v_ind, q_M, v_M), input tau; equations of the paper, eq. (EOMAll) and (EOMRD), for any mixture of kinds: a
+    damped spring passes the motor's speed on.
     """
-    mechanism, m = actuation.mechanism, actuation.m
+    mechanism, m = structure.mechanism, structure.m
     n, delta = mechanism.model.nq, mechanism.mobility
     q, v_ind, tau = ca.SX.sym("q", n), ca.SX.sym("v_ind", delta), ca.SX.sym("tau", m)
     q_M, v_M = ca.SX.sym("q_M", m), ca.SX.sym("v_M", m)
-    x, dx, u = _forward(actuation, q, v_ind, q_M, v_M, tau)
+    x, dx, u = _forward(structure, drives, q, v_ind, q_M, v_M, tau)
     r_E = mechanism.functions["end_effector"](q)
-    outputs = [r_E[i] for i in range(delta)]
-    for i in actuation.free:
-        outputs.append(u[i] if i in actuation.damped else q_M[i] if actuation.drives[i].elastic else tau[i])
+    series = {"q_M": q_M, "u": u, "tau": tau}
+    outputs = [*ca.vertsplit(r_E), *(series[structure.kinds[i].coordinate][i] for i in structure.free)]
     rng = np.random.default_rng(0)
     state = np.concatenate([mechanism.seed, rng.normal(size=delta), rng.normal(size=2 * m)])
     degrees, decoupling = [], []
@@ -57,27 +62,24 @@ def _first_gain(y: ca.SX, x: ca.SX, dx: ca.SX, tau: ca.SX, state: np.ndarray) ->
 
 
 def _forward(
-    actuation: Actuation, q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.SX, tau: ca.SX
+    structure: Structure, drives: Sequence[Drive], q: ca.SX, v_ind: ca.SX, q_M: ca.SX, v_M: ca.SX, tau: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """State x, its derivative, and the forces u on the joints (m,); motor states of rigid drives stay unused."""
-    mechanism = actuation.mechanism
+    mechanism = structure.mechanism
     f = mechanism.functions
     M, g, H = f["mass_matrix"](q), f["bias"](q, v_ind), f["velocity_map"](q)
     H_A = f["actuation_jacobian"](q)
     v_A = ca.mtimes(H_A, v_ind)
     drift = ca.jtimes(v_A, q, ca.mtimes(H, v_ind))  # dH_A/dt v_ind
-    inertia = ca.DM([0.0 if d.elastic else d.inertia for d in actuation.drives])
-    u, dv_M = [], []
-    for i, drive in enumerate(actuation.drives):
-        if drive.elastic:
-            wound = q_M[i] - q[mechanism.actuated[i]]
-            elastic = drive.stiffness_range[0] * wound + drive.cubic * wound**3
-            u.append(elastic + drive.damping * (v_M[i] - v_A[i]))
-            dv_M.append((tau[i] - drive.friction * v_M[i] - u[i]) / max(drive.inertia, 1e-12))
-        else:
-            u.append(tau[i] - drive.friction * v_A[i] - drive.inertia * drift[i])
-            dv_M.append(ca.SX(0))
-    total = M + ca.mtimes([H_A.T, ca.diag(inertia), H_A])
+    at = mechanism.actuated
+    found = []
+    for i, (kind, drive) in enumerate(zip(structure.kinds, drives, strict=True)):
+        numbers = {key: ca.SX(getattr(drive, key)) for key in NUMBERS}
+        numbers["inertia"] = ca.fmax(numbers["inertia"], LEAST_INERTIA)
+        c = ca.SX(drive.stiffness_range[0]) if kind.sprung else ca.SX(0)
+        found.append(kind.forward(DriveAt(q[at[i]], v_A[i], drift[i], c, numbers), q_M[i], v_M[i], tau[i]))
+    u, dv_M, inertia = (list(column) for column in zip(*found, strict=True))
+    total = M + ca.mtimes([H_A.T, ca.diag(stack(inertia)), H_A])
     forces = stack(u)
     dv_ind = ca.solve(total, ca.mtimes(H_A.T, forces) - g)
     x = ca.vertcat(q, v_ind, q_M, v_M)

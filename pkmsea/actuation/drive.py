@@ -10,6 +10,7 @@ from pkmsea.files import Record
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+ParameterKind = Literal["c", "k", "rest"]  # stiffness in series; stiffness and rest position in parallel
 
 
 class Range(Record):
@@ -79,11 +80,24 @@ class Drive(Record):
         return self.kind == "sea"
 
     @property
+    def law(self) -> str:
+        """Its name in `pkmsea.actuation.kinds.KINDS`."""
+        return "rigid" if not self.elastic else "damped" if self.damping else "cubic" if self.cubic else "linear"
+
+    @property
     def stiffness_range(self) -> tuple[float, float]:
         """Lower and upper bound of c; equal where the stiffness is fixed."""
-        if self.stiffness is None:
-            raise ValueError("a rigid drive has no stiffness")
-        return as_range(self.stiffness)
+        return self.range_of("c")
+
+    def range_of(self, parameter: ParameterKind) -> tuple[float, float]:
+        """Lower and upper bound of a number that can be optimised; equal where it is fixed."""
+        values: dict[str, float | Range | None] = {"c": self.stiffness}
+        if self.parallel is not None:
+            values |= {"k": self.parallel.stiffness, "rest": self.parallel.rest}
+        value = values.get(parameter)
+        if value is None:
+            raise ValueError(f"this drive has no {parameter}")
+        return value.bounds if isinstance(value, Range) else (value, value)
 
     def at_output(self) -> Drive:
         """The same drive with all values seen at the output side of its gear: inertia i^2 J, torque i tau and so on."""
@@ -97,8 +111,3 @@ class Drive(Record):
         values = {key: getattr(self, key) for key in factors}
         seen = {key: None if value is None else value * factors[key] for key, value in values.items()}
         return self.model_copy(update={**seen, "gear_ratio": None})
-
-
-def as_range(value: float | Range) -> tuple[float, float]:
-    """Lower and upper bound; equal where the value is fixed."""
-    return (value, value) if isinstance(value, int | float) else value.bounds

@@ -24,8 +24,9 @@ from itertools import pairwise
 
 import casadi as ca
 
-from pkmsea.actuation.actuation import NUMBERS, Shape, dependent_columns, on_joints, stack
-from pkmsea.actuation.elements import coulomb, payload_load, spring_deflection, spring_force
+from pkmsea.actuation import laws
+from pkmsea.actuation.kinds import DriveAt
+from pkmsea.actuation.structure import Structure, dependent_columns, joint_load, on_joints, stack
 from pkmsea.kernels import named_function
 from pkmsea.mechanism import pose
 
@@ -35,11 +36,11 @@ class StageFunctions:
     """Functions of one instant between which the systems with A and L are solved, group after group.
 
     Sizes: n joints, m drives, k = m - delta; xi has 4n + k entries. Inputs: xi; w_t = (y, y', y'', z), the part of w
-    that changes from instant to instant; p; r (5m,), NUMBERS of all drives; load, the payload's mass [kg]; mu, weights
+    that changes from instant to instant; p; r, NUMBERS of all drives; load, the payload's mass [kg]; mu, weights
     of s_D; nu, adjoints of the equations; D_g, the columns of dxi_g/dw that are not zero, group by group.
 
-    The outputs s are (q_M, u) of an elastic drive, (q_A, u) of a damped one, (tau, v_A) of a rigid one, drive by drive;
-    s_D are these, and the `limited` ones of q, v, a of all joints.
+    The outputs s are two of each drive, as its kind says, drive by drive; s_D are these, and the `limited` ones of q,
+    v, a of all joints.
 
     Attributes
     ----------
@@ -82,40 +83,39 @@ class Stage:
     groups: tuple[slice, ...]
 
 
-def stage(shape: Shape) -> Stage:
+def stage(structure: Structure) -> Stage:
     """The equations of one instant of a robot."""
-    mechanism = shape.mechanism
-    n, delta, m = mechanism.model.nq, mechanism.mobility, shape.m
+    mechanism = structure.mechanism
+    n, delta, m = mechanism.model.nq, mechanism.mobility, structure.m
     k = m - delta
     q, v, a = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("a", n)
     u_free, u_dependent, lam = ca.SX.sym("u_f", k), ca.SX.sym("u_d", delta), ca.SX.sym("lambda", n - delta)
     y, dy, ddy = ca.SX.sym("y", delta), ca.SX.sym("dy", delta), ca.SX.sym("ddy", delta)
-    z, p = ca.SX.sym("z", k), ca.SX.sym("p", len(shape.elastic) + 2 * len(shape.parallel))
-    r, mass = ca.SX.sym("r", len(NUMBERS) * m), ca.SX.sym("load")
-    drives = _drives(shape, q, v, a, p, r)
+    z, p = ca.SX.sym("z", k), ca.SX.sym("p", len(structure.parameters))
+    r, mass = ca.SX.sym("r", len(laws.NUMBERS) * m), ca.SX.sym("load")
+    drives, parallel = drives_at(structure, q, v, a, p, r)
     u = ca.SX(m, 1)
-    u[list(shape.free)], u[shape.dependent] = u_free, u_dependent
+    u[list(structure.free)], u[structure.dependent] = u_free, u_dependent
 
     # common subexpressions are merged before each differentiation: derivatives are then half as long
     Psi = ca.cse(pose.task_system(mechanism)(q)[0])
     dPsi = ca.cse(ca.jtimes(Psi, q, v))
     ddPsi = ca.cse(ca.jtimes(dPsi, ca.vertcat(q, v), ca.vertcat(v, a)))
     zero = ca.SX(n - delta, 1)
-    force = [drives[i].force(z[j]) for j, i in enumerate(shape.free)]
-    forces = u + ca.vertcat(*[drive.parallel for drive in drives])
-    load = mechanism.tree.inverse_dynamics(q, v, a) + payload_load(shape, q, v, a, mass)
+    force = [structure.kinds[i].force(drives[i], z[j]) for j, i in enumerate(structure.free)]
     closure_forces = ca.jtimes(Psi, q, ca.vertcat(lam, ca.SX.zeros(delta)), True)  # G^T lambda
     R = ca.vertcat(
         Psi - ca.vertcat(zero, y),
         dPsi - ca.vertcat(zero, dy),
         ddPsi - ca.vertcat(zero, ddy),
         u_free - stack(force),
-        ca.cse(on_joints(forces, mechanism.actuated, n) + closure_forces - load),
+        ca.cse(on_joints(u + parallel, mechanism.actuated, n) + closure_forces - joint_load(structure, q, v, a, mass)),
     )
-    free = {i: z[j] for j, i in enumerate(shape.free)}
-    s = ca.vertcat(*[row for i in range(m) for row in drives[i].outputs(u[i], free.get(i))], q, v, a)
+    free = {i: z[j] for j, i in enumerate(structure.free)}
+    outputs = [kind.outputs(drives[i], u[i], free.get(i)) for i, kind in enumerate(structure.kinds)]
+    s = ca.vertcat(*[row for pair in outputs for row in pair], q, v, a)
     A = ca.cse(ca.densify(ca.jacobian(Psi, q)))
-    L = ca.horzcat(ca.SX(dependent_columns(shape)), A[: n - delta, :].T)
+    L = ca.horzcat(ca.SX(dependent_columns(structure)), A[: n - delta, :].T)
     edges = (0, n, 2 * n, 3 * n, 3 * n + k, 4 * n + k)
     groups = tuple(slice(start, stop) for start, stop in pairwise(edges))
     xi, w_t = ca.vertcat(q, v, a, u_free, u_dependent, lam), ca.vertcat(y, dy, ddy, z)
@@ -123,10 +123,10 @@ def stage(shape: Shape) -> Stage:
 
 
 @lru_cache(maxsize=32)
-def stage_functions(shape: Shape, limited: tuple[int, ...] = ()) -> StageFunctions:
+def stage_functions(structure: Structure, limited: tuple[int, ...] = ()) -> StageFunctions:
     """Build the Functions of one instant for a robot; `limited` are indices of s beside the drives'."""
-    e = stage(shape)
-    s_D = ca.cse(ca.vertcat(e.s[: 2 * shape.m], *[e.s[i] for i in limited]))
+    e = stage(structure)
+    s_D = ca.cse(ca.vertcat(e.s[: 2 * structure.m], *[e.s[i] for i in limited]))
     given = {"xi": e.xi, **dict(zip(("w", "p", "r", "load"), e.given, strict=True))}
     R_xi, R_w = ca.jacobian(e.R, e.xi), ca.jacobian(e.R, e.w)
     s_xi, s_w = ca.jacobian(s_D, e.xi), ca.jacobian(s_D, e.w)
@@ -168,54 +168,26 @@ def stage_functions(shape: Shape, limited: tuple[int, ...] = ()) -> StageFunctio
     )
 
 
-@dataclass(frozen=True)
-class _DriveAt:
-    """One drive at an instant: its joint's motion, and its numbers as symbols."""
-
-    shape: Shape
-    index: int
-    q: ca.SX
-    v: ca.SX
-    a: ca.SX
-    c: ca.SX
-    numbers: dict[str, ca.SX]
-    parallel: ca.SX  # u_P
-
-    @property
-    def losses(self) -> ca.SX:
-        """Torque that moves a rigid drive's rotor."""
-        r = self.numbers
-        return r["inertia"] * self.a + r["friction"] * self.v + coulomb(r["coulomb"], r["coulomb_width"], self.v)
-
-    def force(self, z: ca.SX) -> ca.SX:
-        """u of a free drive whose coordinate is z."""
-        if self.index in self.shape.damped:
-            return z
-        if self.index in self.shape.elastic:
-            return spring_force(self.shape, self.index, self.c, self.numbers["cubic"], z - self.q)
-        return z - self.losses
-
-    def outputs(self, u: ca.SX, z: ca.SX | None) -> tuple[ca.SX, ca.SX]:
-        """(q_M, u) of an elastic drive, (q_A, u) of a damped one, (tau, v_A) of a rigid one; z is None if dependent."""
-        if self.index not in self.shape.elastic:
-            return u + self.losses, self.v
-        if self.index in self.shape.damped:
-            return self.q, u
-        if z is not None:
-            return z, u
-        return self.q + spring_deflection(self.shape, self.index, self.c, self.numbers["cubic"], u), u
+def drives_at(structure: Structure, q: ca.SX, v: ca.SX, a: ca.SX, p: ca.SX, r: ca.SX) -> tuple[list[DriveAt], ca.SX]:
+    """The drives at an instant of all joints (n,), and the forces u_P of the springs in parallel (m,)."""
+    values = dict(zip(structure.parameters, ca.vertsplit(p), strict=True))
+    at = structure.mechanism.actuated
+    drives = [
+        DriveAt(q[at[i]], v[at[i]], a[at[i]], ca.exp(values["c", i]) if ("c", i) in values else ca.SX(0), numbers)
+        for i, numbers in enumerate(structure.numbers(r))
+    ]
+    parallel = ca.SX(structure.m, 1)
+    for i in structure.parallel:
+        parallel[i] = laws.parallel_spring(ca.exp(values["k", i]), values["rest", i], q[at[i]])
+    return drives, parallel
 
 
-def _drives(shape: Shape, q: ca.SX, v: ca.SX, a: ca.SX, p: ca.SX, r: ca.SX) -> list[_DriveAt]:
-    m, first = shape.m, len(shape.elastic)
-    result = []
-    for i, joint in enumerate(shape.mechanism.actuated):
-        numbers = {key: r[k * m + i] for k, key in enumerate(NUMBERS)}
-        c, parallel = ca.SX(0), ca.SX(0)
-        if i in shape.elastic:
-            c = ca.exp(p[shape.elastic.index(i)])
-        if i in shape.parallel:
-            log_k, rest = ca.vertsplit(p[first + 2 * shape.parallel.index(i) :][:2])
-            parallel = ca.exp(log_k) * (rest - q[joint])
-        result.append(_DriveAt(shape, i, q[joint], v[joint], a[joint], c, numbers, parallel))
-    return result
+@lru_cache(maxsize=32)
+def free_coordinates(structure: Structure) -> ca.Function:
+    """(q, v, a, u, p, r) -> z (m - delta,): the free drives' coordinates at which the drives' forces are u (m,)."""
+    n, m = structure.mechanism.model.nq, structure.m
+    sizes = {"q": n, "v": n, "a": n, "u": m, "p": len(structure.parameters), "r": len(laws.NUMBERS) * m}
+    given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    drives, _ = drives_at(structure, *(given[name] for name in ("q", "v", "a", "p", "r")))
+    z = [structure.kinds[i].free_coordinate(drives[i], given["u"][i]) for i in structure.free]
+    return named_function("free_coordinates", given, {"z": stack(z)})

@@ -18,13 +18,16 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation.actuation import NUMBERS, Shape, dependent_columns, on_joints, stack
-from pkmsea.actuation.elements import coulomb, payload_load, spring_deflection, spring_force
+from pkmsea.actuation import laws
+from pkmsea.actuation.kinds import DriveAt
+from pkmsea.actuation.structure import Structure, dependent_columns, joint_load, on_joints, stack
 from pkmsea.bridge import _bridge
 from pkmsea.kernels import Pipeline, named_function, program
 from pkmsea.mechanism import pose
 
 UNIFORM = ("c", "k", "rest", "r")
+GIVEN = ("q", "Y", "Z", "c", "k", "rest", "L", "r")
+JOINT_JET, FORCE_JET = ("v", "a", "j", "s"), ("x", "dx", "ddx")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +45,12 @@ class JetFunctions:
 
 
 @lru_cache(maxsize=16)
-def jet_functions(shape: Shape) -> JetFunctions:
+def jet_functions(structure: Structure) -> JetFunctions:
     """Build them for a robot."""
-    mechanism = shape.mechanism
-    n, delta, m = mechanism.model.nq, mechanism.mobility, shape.m
-    sizes = {"q": n, "Y": 5 * delta, "Z": 3 * (m - delta), "c": m, "k": m, "rest": m, "L": 3, "r": len(NUMBERS) * m}
-    sizes |= dict.fromkeys(("v", "a", "j", "s", "x", "dx", "ddx"), n)
+    mechanism = structure.mechanism
+    n, delta, m = mechanism.model.nq, mechanism.mobility, structure.m
+    sizes = {"q": n, "Y": 5 * delta, "Z": 3 * (m - delta), "L": 3, "r": len(laws.NUMBERS) * m}
+    sizes |= dict.fromkeys(("c", "k", "rest"), m) | dict.fromkeys((*JOINT_JET, *FORCE_JET), n)
     e = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     q, v, a = e["q"], e["v"], e["a"]
     Y, Z = ca.reshape(e["Y"], delta, 5), ca.reshape(e["Z"], m - delta, 3)
@@ -62,31 +65,35 @@ def jet_functions(shape: Shape) -> JetFunctions:
 
     Psi = ca.cse(pose.task_system(mechanism)(q)[0])
     motion, derivative = [], Psi
-    for order, name in enumerate(("v", "a", "j", "s"), start=1):
+    for order, name in enumerate(JOINT_JET, start=1):
         derivative = rate(derivative)
         closed = derivative - ca.vertcat(ca.SX.zeros(n - delta), Y[:, order])
         motion.append(named_function("motion", e, {"b": without(closed, e[name])}))
 
-    drives = _Drives(shape, e, Z[:, 0])
-    u = ca.SX(m, 1)
+    at, numbers = mechanism.actuated, structure.numbers(e["r"])
+    drives = [DriveAt(q[at[i]], v[at[i]], a[at[i]], e["c"][i], numbers[i]) for i in range(m)]
+    free = {i: Z[j, 0] for j, i in enumerate(structure.free)}
+    u, parallel = ca.SX(m, 1), ca.SX(m, 1)
     u_dependent, lam = ca.vertsplit(e["x"], [0, delta, n])
-    u[list(shape.free)], u[shape.dependent] = stack(drives.free_forces), u_dependent
-    load = mechanism.tree.inverse_dynamics(q, v, a) + payload_load(shape, q, v, a, e["L"][0])
+    u[list(structure.free)] = stack([structure.kinds[i].force(drives[i], z) for i, z in free.items()])
+    u[structure.dependent] = u_dependent
+    for i in structure.parallel:
+        parallel[i] = laws.parallel_spring(e["k"][i], e["rest"][i], q[at[i]])
     closure_forces = ca.jtimes(Psi, q, ca.vertcat(lam, ca.SX.zeros(delta)), True)
-    balance = on_joints(u + drives.parallel, mechanism.actuated, n) + closure_forces - load
+    balance = on_joints(u + parallel, at, n) + closure_forces - joint_load(structure, q, v, a, e["L"][0])
     forces = []
-    for name in ("x", "dx", "ddx"):
+    for name in FORCE_JET:
         forces.append(named_function("forces", e, {"b": without(balance, e[name])}))
         balance = rate(balance)
 
-    q_M = drives.motor_positions(u)
+    q_M = stack([kind.position(drives[i], u[i], free.get(i)) for i, kind in enumerate(structure.kinds)])
     v_M = rate(q_M)
-    inertia, friction, torque, width, _ = ca.vertsplit(e["r"], m)
-    tau = u + inertia * rate(v_M) + friction * v_M + coulomb(torque, width, v_M)
+    a_M = rate(v_M)
+    tau = stack([laws.rotor(numbers[i], v_M[i], a_M[i]) + u[i] for i in range(m)])
     if not ca.depends_on(ca.vertcat(v_M, tau), ca.vertcat(e["j"], e["s"], e["dx"], e["ddx"])):  # no elastic drive
         motion, forces = motion[:2], forces[:1]
     A = ca.cse(ca.densify(ca.jacobian(Psi, q)))
-    L = ca.horzcat(ca.SX(dependent_columns(shape)), A[: n - delta, :].T)
+    L = ca.horzcat(ca.SX(dependent_columns(structure)), A[: n - delta, :].T)
     return JetFunctions(
         named_function("matrices", {"q": q}, {"A": A, "L": L}),
         tuple(motion),
@@ -95,53 +102,13 @@ def jet_functions(shape: Shape) -> JetFunctions:
     )
 
 
-class _Drives:
-    """The drives at an instant, as expressions."""
-
-    def __init__(self, shape: Shape, e: dict[str, ca.SX], z: ca.SX) -> None:
-        self._shape, self._e, self._z = shape, e, z
-        self._cubic = ca.vertsplit(e["r"], shape.m)[-1]
-
-    @property
-    def parallel(self) -> ca.SX:
-        """Forces of the parallel springs, (m,)."""
-        q_A = stack([self._e["q"][joint] for joint in self._shape.mechanism.actuated])
-        present = ca.DM([float(i in self._shape.parallel) for i in range(self._shape.m)])
-        return present * self._e["k"] * (self._e["rest"] - q_A)
-
-    @property
-    def free_forces(self) -> list[ca.SX]:
-        """u of the free drives from their coordinates."""
-        shape, e, r = self._shape, self._e, ca.vertsplit(self._e["r"], self._shape.m)
-        forces = []
-        for j, i in enumerate(shape.free):
-            joint, z = shape.mechanism.actuated[i], self._z[j]
-            if i in shape.damped:
-                forces.append(z)
-            elif i in shape.elastic:
-                forces.append(spring_force(shape, i, e["c"][i], self._cubic[i], z - e["q"][joint]))
-            else:
-                lost = r[0][i] * e["a"][joint] + r[1][i] * e["v"][joint] + coulomb(r[2][i], r[3][i], e["v"][joint])
-                forces.append(z - lost)
-        return forces
-
-    def motor_positions(self, u: ca.SX) -> ca.SX:
-        """q_M (m,), the joint's position of a rigid drive."""
-        shape, q_M = self._shape, stack([self._e["q"][joint] for joint in self._shape.mechanism.actuated])
-        for i in shape.elastic:
-            known = i in shape.free and i not in shape.damped
-            deflection = spring_deflection(shape, i, self._e["c"][i], self._cubic[i], u[i])
-            q_M[i] = self._z[shape.free.index(i)] if known else q_M[i] + deflection
-        return q_M
-
-
 class FlatBatch:
     """`flat_map` at k instants: arrays in and out as `flat_map_of_columns` has them, one row per instant."""
 
-    def __init__(self, shape: Shape, k: int, threads: int = 1) -> None:
-        functions = jet_functions(shape)
+    def __init__(self, structure: Structure, k: int, threads: int = 1) -> None:
+        functions = jet_functions(structure)
         names = functions.outputs.name_in()
-        self._threads, self._names = threads, names[:8]
+        self._threads = threads
         self._arrays = {
             name: np.zeros(size) if name in UNIFORM else np.zeros((size, k))
             for name in names
@@ -153,7 +120,7 @@ class FlatBatch:
         self._pipeline, given = Pipeline(k), list(self._arrays.values())
         self._pipeline.call(program(functions.matrices), [self._arrays["q"]], [A, L])
         factors_A, factors_L = self._pipeline.factor(A), self._pipeline.factor(L)
-        solved = [("v", "a", "j", "s"), ("x", "dx", "ddx")]
+        solved = (JOINT_JET, FORCE_JET)
         for group, unknowns, factors in zip(
             (functions.motion, functions.forces), solved, (factors_A, factors_L), strict=True
         ):
@@ -164,7 +131,7 @@ class FlatBatch:
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """q_M, v_M, tau, u, v, a, overwritten by the next call."""
-        for name, given in zip(self._names, arguments, strict=True):
+        for name, given in zip(GIVEN, arguments, strict=True):
             self._arrays[name].T[...] = given
         self._pipeline.run(self._threads)
         return [x.T for x in (*self._results, self._arrays["v"], self._arrays["a"])]

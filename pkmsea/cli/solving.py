@@ -42,10 +42,10 @@ def solve(
     written: list[Path] = []
     with tables.progress(quiet=json_) as report:
         for name in names:
-            count = problems[name].options.starts
+            count, cost = problems[name].options.starts, problems[name].cost
             try:
                 with ending.interruptible():
-                    solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count)))
+                    solved.append(solution.solve(loaded, name, workers=workers, progress=report(name, count, cost)))
                 if out is not None:
                     written += save_result(solved[-1], out, among)
                 ending.stop_if(solved[-1].interrupted)

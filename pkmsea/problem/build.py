@@ -6,6 +6,7 @@ import os
 from functools import lru_cache
 from pathlib import Path
 
+from pkmsea.actuation.cost import COSTS
 from pkmsea.description import find, shipped
 from pkmsea.description.sidecar import SIDECAR
 from pkmsea.errors import InputError, blaming
@@ -34,6 +35,7 @@ def build_problem(source: Task | str | Path, setup: str | None = None) -> Proble
             payload=task.payload,
             options=chosen.options or task.options,
             title=task.name,
+            cost=COSTS[task.cost],
         )
 
 
@@ -42,11 +44,12 @@ def task_of(problem: Problem) -> Task:
 
     Raises
     ------
-    InputError : a task cannot have this name.
+    InputError : a task cannot have this name, or this cost.
     """
     setup = {"name": problem.name, "mechanism": _source_of(problem.mechanism), "drives": problem.drives}
     keys = ("cycle", "limits", "payload", "options")
-    data = {"name": problem.title, "setups": (setup,)} | {key: getattr(problem, key) for key in keys}
+    data = {"name": problem.title, "setups": (setup,), "cost": problem.cost.name}
+    data |= {key: getattr(problem, key) for key in keys}
     return parse(Task, data, None)
 
 

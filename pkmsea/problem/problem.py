@@ -1,6 +1,6 @@
 """The optimal control problem of one robot and one cycle, before any discretisation (paper, section 4.3).
 
-min over y(t), c   E = integral over one period of max(P, 0),   P = sum_i tau_i v_i + kappa_i tau_i^2
+min over y(t), c   a cost of one period; by default the energy that the drives draw from their common bus
 subject to         the robot's equations of motion (through its flat output y), y periodic,
                    the rest windows at every instant, and the limits of motion and drives.
 """
@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from pkmsea.actuation import Actuation, Drive
+from pkmsea.actuation.cost import ENERGY, Cost
 from pkmsea.errors import InputError, Unreachable, one_line
 from pkmsea.files import Name
 from pkmsea.mechanism import Mechanism
@@ -52,6 +53,7 @@ class Problem:
     drives : one per actuated joint (m), or one for all of them; seen from the motor where they have a `gear_ratio`.
     cycle, limits, payload : what the end effector does, must keep to, and carries.
     options : how it is solved.
+    cost : what is minimised, one of `pkmsea.problem.COSTS` or another `Cost`.
 
     Raises
     ------
@@ -67,6 +69,7 @@ class Problem:
     payload: Payload | None = None
     options: Options = field(default_factory=Options)
     title: str = ""
+    cost: Cost = ENERGY
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "title", self.title or self.name)

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmsea.actuation import NUMBERS, Actuation
-from pkmsea.actuation.elements import payload_power
+from pkmsea.actuation import Actuation
+from pkmsea.actuation.cost import ENERGY, Cost, bus_power
 from pkmsea.actuation.flat_batch import FlatBatch
+from pkmsea.actuation.signals import losses, motor_torque
 from pkmsea.errors import one_line
 from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Problem
 from pkmsea.transcription import Motion
-from pkmsea.transcription.damping import derivative, frequencies
+from pkmsea.transcription.damping import DampedSprings, compliance, derivative, filtered, frequencies
 from pkmsea.transcription.poses import Poses, poses_along
 
 POINTS = 4000  # at least, per period; many more than any transcription's grid
@@ -34,9 +35,10 @@ class Audit:
 
     Attributes
     ----------
-    energy : integral of max(P, 0) over one period, the truth [J].
-    claimed : the transcription's own value [J].
-    scale : what differences of energies are relative to: the energy, or IDLE of the drives' turnover if that is more.
+    energy : value of the cost, by default the integral of max(P, 0) over one period [J]; the truth.
+    claimed : the transcription's own value.
+    scale : what differences of values are relative to: the value, or, of an energy, IDLE of the drives' turnover if
+        that is more.
     gap : |claimed - energy| / scale.
     closure : largest closure residual [m].
     window : largest excess over a rest window at any instant [m]; zero or negative if kept.
@@ -44,6 +46,7 @@ class Audit:
     balance : |integral of tau v_M less the power of friction, dampers, payload|, relative likewise; zero if periodic.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
     faults : what keeps the result from being verified, one sentence each.
+    cost : what `energy`, `claimed` and `scale` are values of.
     """
 
     energy: float
@@ -57,6 +60,7 @@ class Audit:
     inverse: float
     direct: float
     faults: tuple[str, ...]
+    cost: Cost = ENERGY
 
     @property
     def verified(self) -> bool:
@@ -64,7 +68,7 @@ class Audit:
 
     def __repr__(self) -> str:
         status = f"not verified: {'; '.join(self.faults)}" if self.faults else "verified"
-        return one_line(f"<Audit: {self.energy:.4g} J, claimed {self.claimed:.4g} J, {status}>")
+        return one_line(f"<Audit: {self.cost.show(self.energy)}, claimed {self.cost.show(self.claimed)}, {status}>")
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,18 +102,20 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     Y = np.stack([jet[:, :delta] for jet in jets], axis=1).reshape(count, -1)
     Z = np.stack([jet[:, delta:] for jet in jets[:3]], axis=1).reshape(count, -1)
     q = _poses(problem, jets[0][:, :delta])
-    r = np.concatenate([actuation.numbers(key) for key in NUMBERS])
     L = np.zeros((count, 3))
     if actuation.payload is not None:
         L = np.stack([actuation.payload(t, order) for order in range(3)], axis=1)
     k, rest = np.nan_to_num(motion.parallel, nan=1.0).T
     c = np.nan_to_num(motion.stiffness, nan=1.0)
-    exact = FlatBatch(actuation.shape, count)
-    q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, r))
-    for i in actuation.damped:
-        q_M[:, i], v_M[:, i], a_M = _damped(actuation, i, basis.period, motion.stiffness[i], q, v, a, u[:, i])
-        tau[:, i] = actuation.drives[i].inertia * a_M + u[:, i] + _friction(actuation, v_M)[:, i]
-    power = (tau * v_M + problem.kappa * tau**2).sum(axis=1)
+    exact = FlatBatch(actuation.structure, count)
+    q_M, v_M, tau, u, v, a = (x.copy() for x in exact(q, Y, Z, c, k, rest, L, actuation.r))
+    if damped := DampedSprings(actuation, basis.period, count).drives:
+        a_M = np.zeros_like(v_M)
+        for i in damped:
+            q_M[:, i], v_M[:, i], a_M[:, i] = _damped(actuation, i, basis.period, c[i], q, v, a, u[:, i])
+        torque = Batch(motor_torque(actuation.structure), count)(v_M, a_M, u, actuation.r)[0]
+        tau[:, damped] = torque[:, damped]
+    power = np.asarray(bus_power(tau.T, v_M.T, actuation.each))
     return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
 
 
@@ -117,12 +123,14 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     """Check a motion; see `Audit`."""
     s = series(problem, motion)
     mean = problem.cycle.period / s.t.size
-    energy = float(np.maximum(s.power, 0).sum() * mean)
+    actuation, cost = problem.actuation, problem.cost
+    energy = cost.value(cost.exact(s.tau.T, s.v_M.T, actuation.each), mean)
     turnover = float(np.abs(s.u * s.v[:, problem.actuation.mechanism.actuated]).sum() * mean)
-    scale = max(energy, IDLE * turnover, 1e-12)
-    lost = (_friction(problem.actuation, s.v_M) * s.v_M).sum() + _payload_power(problem.actuation, s).sum()
-    lost += _spring_losses(problem.actuation, s).sum()
-    balance = abs(float(((s.tau * s.v_M).sum() - lost) * mean)) / scale
+    scale = cost.scale(energy, IDLE * turnover)
+    given = s.q, s.v, s.a, s.v_M, actuation.load(s.t)[:, None], actuation.r
+    lost = Batch(losses(actuation.structure), s.t.size)(*given)[0].sum()
+    off = abs(float(((s.tau * s.v_M).sum() - lost) * mean))
+    balance = off / ENERGY.turnover(s.power, mean, IDLE * turnover)
     gap = abs(claimed - energy) / scale
     mechanism = problem.actuation.mechanism
     inverse, direct = pose.singularity(mechanism, s.q[::BETWEEN_SINGULAR])
@@ -133,7 +141,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     checks = [
         (
             gap > problem.options.energy_tolerance,
-            f"the transcription claims {claimed:.4g} J, the dense grid gives {energy:.4g} J",
+            f"the transcription claims {cost.show(claimed)}, the dense grid gives {cost.show(energy)}",
         ),
         (balance > BALANCE, f"the power balance is off by {balance:.1e}"),
         (closure > CLOSURE, f"the loops open by {closure:.1e} m"),
@@ -142,10 +150,8 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
         *((x > LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in limits.items()),
     ]
     faults = tuple(text for failed, text in checks if failed)
-    result = Audit(
-        energy, claimed, scale, gap, closure, window, limits, balance, float(inverse.min()), float(direct.min()), faults
-    )
-    return result, s
+    to_inverse, to_direct = float(inverse.min()), float(direct.min())
+    return Audit(energy, claimed, scale, gap, closure, window, limits, balance, to_inverse, to_direct, faults, cost), s
 
 
 def _damped(
@@ -153,30 +159,9 @@ def _damped(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """q_M, v_M and a_M of a drive whose spring is damped: c e + d_s de/dt = u over one period, by Fourier transform."""
     joint, count = actuation.mechanism.actuated[i], u.size
-    gain = 1.0 / (c + 1j * frequencies(period, count) * actuation.drives[i].damping)
-    e = np.fft.irfft(gain * np.fft.rfft(u), count)[:, None]
+    e = filtered(compliance(c, actuation.drives[i].damping, frequencies(period, count)), u)[:, None]
     e_1, e_2 = (derivative(e, period, order)[:, 0] for order in (1, 2))
     return q[:, joint] + e[:, 0], v[:, joint] + e_1, a[:, joint] + e_2
-
-
-def _spring_losses(actuation: Actuation, s: Series) -> np.ndarray:
-    """Power lost in the springs, (points,)."""
-    rate = s.v_M - s.v[:, actuation.mechanism.actuated]
-    return np.asarray((actuation.numbers("damping") * rate**2).sum(axis=1))
-
-
-def _friction(actuation: Actuation, v_M: np.ndarray) -> np.ndarray:
-    """Friction of all drives, (points, m)."""
-    viscous, coulomb, width = (actuation.numbers(key) for key in ("friction", "coulomb", "coulomb_width"))
-    return np.asarray(viscous * v_M + coulomb * np.tanh(v_M / width))
-
-
-def _payload_power(actuation: Actuation, s: Series) -> np.ndarray:
-    """Power that goes into the payload, (points,)."""
-    if actuation.payload is None:
-        return np.zeros(s.t.size)
-    power = payload_power(actuation.shape).map(s.t.size)
-    return np.array(power(s.q.T, s.v.T, s.a.T, actuation.payload(s.t, 0)[None])).ravel()
 
 
 def _even(wanted: int, pieces: int) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from pkmsea.errors import InputError
-from pkmsea.problem import Problem
+from pkmsea.problem import Cost, Problem
 from pkmsea.solution.audit import POINTS, Series, series
 from pkmsea.solution.solution import Solution
 
@@ -129,7 +129,7 @@ def _head(solution: Solution, sampling: Sampling) -> dict[str, str | float]:
         "setup": problem.name,
         "mechanism": problem.actuation.mechanism.name,
         "status": solution.status,
-        "energy_per_cycle_J": solution.energy,
+        _cost_key(solution.cost): solution.energy,
         "period_s": sampling.period,
         "samples": sampling.samples,
         "sample_time_s": sampling.time,
@@ -140,6 +140,11 @@ def _head(solution: Solution, sampling: Sampling) -> dict[str, str | float]:
         "gear_ratio": _each(problem, np.array(problem.gear_ratios, float), "rad/{angle}"),
     }
     return {key: " ".join(x.split()) if isinstance(x, str) else x for key, x in head.items()}
+
+
+def _cost_key(cost: Cost) -> str:
+    """Such as energy_per_cycle_J."""
+    return f"{cost.name}_per_cycle_{cost.unit.replace(' ', '_')}"
 
 
 def _each(problem: Problem, values: np.ndarray, unit: str) -> str:

@@ -15,7 +15,7 @@ SAME = 1e-9  # relative change of coefficients and stiffnesses on their way to t
 
 
 def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit: float) -> Optimality | None:
-    """The conditions of a local minimum at a motion, energies relative to `unit` [J]; see `Optimality`.
+    """The conditions of a local minimum at a motion, values of the cost relative to `unit`; see `Optimality`.
 
     None where the motion has no NLP: the paper's transcription, no solved mesh, or a stiffness outside its bounds.
     """
@@ -33,7 +33,9 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
     for limited in (False, True):  # like the solve, which puts the limits of drives and joints in where they are needed
         try:
             nlp = transcription.nlp(x, limited)
-            found = optimality(nlp, x, last_parameter(nlp, x), unit)
+            p = last_parameter(nlp, x)
+            J = float(nlp.oracle(x / nlp.stacked("scale"), p)[0])
+            found = optimality(nlp, x, p, problem.cost.in_objective(unit, transcription.energy(x), J))
         except (FloatingPointError, RuntimeError):  # CasADi's word for a point that cannot be evaluated
             return None
         if found.stationary or not problem.bounds:

@@ -10,30 +10,30 @@ from typing import Any
 import numpy as np
 
 from pkmsea.errors import SolveError, one_line
-from pkmsea.problem import Problem
+from pkmsea.problem import Cost, Problem
 from pkmsea.solution.audit import Audit, Series, audit
 from pkmsea.solution.local import optimality_of
 from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Optimality, Optimum, Start, optima
-from pkmsea.transcription import Motion
+from pkmsea.transcription import TRANSCRIPTIONS, Motion
 
 STATED = 1e-6  # difference of a file's energy from the recomputed one, relative like the audit's gap
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
-    """An energy-optimal cycle.
+    """An optimal cycle, by default of least energy.
 
     Attributes
     ----------
     problem : what was solved.
     motion : the flat output and the stiffnesses; everything else follows from them.
-    claimed : energy as the transcription claims it [J].
+    claimed : value of the cost as the transcription claims it.
     starts : every start of the multi-start and its outcome.
     meshes : the refinement.
     seconds : wall time of the whole solve.
     interrupted : whether Ctrl-C ended the multi-start early; the solution is the best of what was found by then.
-    stated : true energy that the file states from which this was loaded [J]; None if it was solved.
+    stated : true value that the file states from which this was loaded; None if it was solved.
     """
 
     problem: Problem
@@ -82,13 +82,18 @@ class Solution:
 
     @property
     def energy(self) -> float:
-        """True energy per cycle: the integral of max(P, 0) on a dense grid [J]."""
+        """True value of the problem's cost on a dense grid: by default the energy per cycle [J]."""
         return self.audit().energy
+
+    @property
+    def cost(self) -> Cost:
+        """What was minimised."""
+        return self.problem.cost
 
     @property
     def stiffness(self) -> np.ndarray:
         """Stiffness of each elastic drive [N m/rad, N/m]."""
-        return self.motion.stiffness[self.problem.actuation.elastic]
+        return np.array(list(self.motion.springs.values()))
 
     @property
     def name(self) -> str:
@@ -110,11 +115,14 @@ class Solution:
         except SolveError as error:
             return (error.cause,)
         faults = list(audit.faults)
-        if options.transcription != "paper" and not agree(self.meshes, audit.scale, options.energy_tolerance):
-            energies = ", ".join("unsolved" if mesh.energy is None else f"{mesh.energy:.4g} J" for mesh in self.meshes)
-            faults.append(f"no two successive meshes agree ({energies})")
+        if TRANSCRIPTIONS[options.transcription].refines and not agree(
+            self.meshes, audit.scale, options.energy_tolerance
+        ):
+            values = ["unsolved" if mesh.energy is None else self.cost.show(mesh.energy) for mesh in self.meshes]
+            faults.append(f"no two successive meshes agree ({', '.join(values)})")
         if self.stated is not None and not abs(self.stated - audit.energy) <= STATED * audit.scale:
-            faults.append(f"the file states {self.stated:.6g} J, its motion takes {audit.energy:.6g} J")
+            stated, found = (self.cost.show(value, ".6g") for value in (self.stated, audit.energy))
+            faults.append(f"the file states {stated}, its motion takes {found}")
         return tuple(faults)
 
     @property
@@ -130,9 +138,9 @@ class Solution:
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
         try:
-            energy = f"{self.energy:.4g} J"
+            energy = self.cost.show(self.energy)
         except SolveError:
-            energy = "no energy"
+            energy = f"no {self.cost.label}"
         return one_line(f"<Solution '{self.name}': {energy}, stiffness [{springs}], {self.status}>")
 
     def __getstate__(self) -> dict[str, Any]:

@@ -18,6 +18,7 @@ import xarray as xr
 from pydantic import TypeAdapter
 
 from pkmsea.actuation import Actuation
+from pkmsea.actuation.cost import positive
 from pkmsea.errors import InputError, blaming
 from pkmsea.files import Record, is_file, write_whole
 from pkmsea.problem import build_problem, task_of
@@ -44,7 +45,7 @@ def to_dataset(solution: Solution) -> xr.Dataset:
     revolute = mechanism.revolute
     force = ["N m" if revolute[i] else "N" for i in mechanism.actuated]
     angle = ["rad" if turning else "m" for turning in revolute]
-    energy = np.cumsum(np.maximum(s.power, 0)) * problem.cycle.period / s.t.size
+    energy = np.cumsum(positive(s.power)) * problem.cycle.period / s.t.size
     described = {
         "r_E": (("time", "axis"), s.r_E, "end-effector position", "m"),
         "q": (("time", "joint"), s.q, "joint position", "rad or m, see joint_unit"),
@@ -84,10 +85,10 @@ def to_dataset(solution: Solution) -> xr.Dataset:
         "task": task_of(problem).model_dump_json(),
         "task_file": "",  # of older results: beside it lies the mechanism that their task names
         "basis": solution.motion.basis.trajectory.model_dump_json(),
-        "energy_true": audit.energy,
-        "energy_claimed": solution.claimed,
+        f"{problem.cost.name}_true": audit.energy,
+        f"{problem.cost.name}_claimed": solution.claimed,
         "status": solution.status,
-        "audit": json.dumps(asdict(audit)),
+        "audit": json.dumps({key: value for key, value in asdict(audit).items() if key != "cost"}),
         "optimality": json.dumps(optimality and asdict(optimality)),
         "optima": json.dumps([asdict(optimum) for optimum in solution.optima]),
         "starts": json.dumps([_start_record(start) for start in solution.starts]),
@@ -157,13 +158,14 @@ def load(path: str | Path) -> Solution:
         task = Task.model_validate_json(record["task"]).read_from(record["task_file"])
         with blaming(file):
             problem = build_problem(task, record["setup"])
+        name = problem.cost.name
         basis = _basis(json.loads(record["basis"]), task.cycle.period)
         parallel = np.stack([numbers(dataset, name) for name in ("parallel_stiffness", "parallel_rest")], axis=1)
         motion = Motion(basis, numbers(dataset, "flat_output"), numbers(dataset, "stiffness"), parallel)
         _check_motion(motion, problem.actuation)
         starts = tuple(r.start() for r in TypeAdapter(tuple[StartRecord, ...]).validate_json(record["starts"]))
         meshes = TypeAdapter(tuple[Mesh, ...]).validate_json(record["meshes"])
-        claimed, seconds, stated = (_finite(record[key], key) for key in ("energy_claimed", "seconds", "energy_true"))
+        claimed, seconds, stated = (_finite(record[key], key) for key in (f"{name}_claimed", "seconds", f"{name}_true"))
         return Solution(problem, motion, claimed, starts, meshes, seconds, stated=stated)
     except (KeyError, ValueError, TypeError, RecursionError) as error:
         cause = " ".join(str(error).split())

@@ -101,8 +101,7 @@ def improve(
         if kept:
             break
         x, limited = point.x, True
-    c = transcription.motion(point.x).stiffness
-    stiffness = tuple(float(s) for s in c[~np.isnan(c)])
+    stiffness = tuple(transcription.motion(point.x).springs.values())
     seconds = time.perf_counter() - begin
     return Start(index, point.outcome, point.x, energy, stiffness, iterations, seconds, limited)
 

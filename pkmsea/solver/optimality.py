@@ -50,7 +50,7 @@ class Optimality:
     negative : number of directions along which the energy falls to second order.
     kind : 'minimum'; 'saddle' where there are negative directions; 'undecided' where the curvature is zero within
         rounding, or where only constraints without a multiplier block the negative directions.
-    unit : what energies are relative to [J].
+    unit : what differences of the objective are relative to, such as energies [J].
     """
 
     stationarity: float
@@ -112,7 +112,7 @@ class Sides:
 def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Optimality:
     """The conditions at x (physical units) for the parameter p of a step; see `Optimality`.
 
-    `unit` is what energies are relative to [J].
+    `unit` is what differences of the objective are relative to.
     """
     scaled, functions = x / nlp.stacked("scale"), _derivatives(nlp)
     violation, sides = _sides(nlp, scaled, p, functions)

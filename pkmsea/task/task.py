@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from pkmsea.actuation.cost import COSTS
 from pkmsea.actuation.drive import Drive
 from pkmsea.errors import InputError, NameNotFound
 from pkmsea.files import FromFile, Name, Record, read
@@ -96,6 +97,14 @@ class Task(FromFile):
     payload: Payload | None = Field(None, description="what the end effector carries")
     setups: tuple[Setup, ...] = Field(min_length=1)
     options: Options = Options()
+    cost: str = Field("energy", description="what is minimised", json_schema_extra={"enum": list(COSTS)})
+
+    @field_validator("cost")
+    @classmethod
+    def _known_cost(cls, value: str) -> str:
+        if value not in COSTS:
+            raise ValueError(f"there is no such cost; use one of: {', '.join(COSTS)}")
+        return value
 
     @model_validator(mode="after")
     def _names_differ(self) -> Task:

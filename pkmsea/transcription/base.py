@@ -9,6 +9,7 @@ import numpy as np
 
 from pkmsea.errors import one_line
 from pkmsea.problem import Problem
+from pkmsea.transcription.bases import Basis
 from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp
 
@@ -16,16 +17,34 @@ from pkmsea.transcription.nlp import Nlp
 class Transcription(ABC):
     """A problem made finite.
 
+    One of your own is a subclass that offers what is abstract here, in a module that can be imported; `solve(Yours(
+    problem))` then does with it what it does with pkmsea's: starts on all cores, each sharpened through the NLP's
+    steps; audit on a dense grid; refinement, where `refined` and `transfer` are offered; export and verification. A
+    name in `TRANSCRIPTIONS` lets `transcribe` find it. Its Nlp is any (`pkmsea.transcription.nlp`), in CasADi
+    expressions or by hand; parameter, window and limit rows of pkmsea's own can be used: `actuation.flat_map()`,
+    `actuation.pose_equation()`, `pkmsea.transcription.windows.linear_rows`, `problem.bounds`, `problem.cost`.
+
     `size` is the number of coefficients per entry of the flat output, `samples` the number of grid points; `quick` says
-    that a start which takes many iterations may be cut off.
+    that a start which takes many iterations may be cut off, `refines` that only meshes which agree verify a result.
     """
 
     size: int
     samples: int
     quick: bool = True
+    refines: bool = False
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
+
+    @classmethod
+    def of(cls, problem: Problem) -> Transcription:
+        """As the problem's options ask for it."""
+        return cls(problem)
+
+    @classmethod
+    def on(cls, problem: Problem, basis: Basis, samples: int) -> Transcription | None:
+        """The one whose motions have this basis, on so many grid points; None where there is none."""
+        return None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as what it is made of; a class whose constructor takes more says so here."""
@@ -50,7 +69,7 @@ class Transcription(ABC):
 
     @abstractmethod
     def energy(self, x: np.ndarray) -> float:
-        """The energy as the transcription sees it [J]."""
+        """The value of the problem's cost as the transcription sees it, in the cost's unit."""
 
     @abstractmethod
     def motion(self, x: np.ndarray) -> Motion:

@@ -1,14 +1,18 @@
-"""Periodic function bases for the flat outputs: a trajectory is y(t) = B(t) x with coefficients x."""
+"""Periodic function bases for the flat outputs: a trajectory is y(t) = B(t) x with coefficients x.
+
+A basis is a class here, a record of a task's options that has its numbers, and a line of BASES.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
 
-from pkmsea.task import Chain, Fourier, Spline
+from pkmsea.task import Fourier, Spline
+from pkmsea.task.task import Trajectory
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,19 @@ class Basis(ABC):
     @abstractmethod
     def matrix(self, t: np.ndarray, derivative: int = 0) -> np.ndarray:
         """d^k B / dt^k at times t, (len(t), size)."""
+
+    @property
+    def pieces(self) -> int:
+        """Intervals between knots; a grid has as many points in each."""
+        return 1
+
+    def finer(self) -> Basis:
+        """One of twice the knots, which contains this one; itself where there are none."""
+        return self
+
+    def cells(self, samples: int, halo: int) -> int:
+        """Cells of equal shape into which a grid can be cut, so that each depends on few coefficients."""
+        return 1
 
     def fit(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Coefficients of the least-squares fit to samples."""
@@ -86,6 +103,17 @@ class SplineBasis(Basis):
     def trajectory(self) -> Spline:
         return Spline(kind="spline", knots=self.knots, degree=self.degree)
 
+    @property
+    def pieces(self) -> int:
+        return self.knots
+
+    def finer(self) -> SplineBasis:
+        return replace(self, knots=2 * self.knots)
+
+    def cells(self, samples: int, halo: int) -> int:
+        reach = -(-halo // (samples // self.knots))
+        return self.knots if self.degree + 1 + 2 * reach < self.knots else 1
+
     def matrix(self, t: np.ndarray, derivative: int = 0) -> np.ndarray:
         n, k, h = self.knots, self.degree, self.period / self.knots
         t = np.asarray(t, float) % self.period
@@ -97,13 +125,14 @@ class SplineBasis(Basis):
         return wrapped
 
 
-def make_basis(trajectory: Fourier | Spline | Chain, period: float) -> Basis:
-    """The basis that a task's options name."""
-    if isinstance(trajectory, Fourier):
-        return FourierBasis(period, trajectory.order)
-    if isinstance(trajectory, Spline):
-        return SplineBasis(period, trajectory.knots, trajectory.degree)
-    raise TypeError("a chain of integrators has no basis; it is transcribed by multiple shooting")
+BASES: dict[str, type[Basis]] = {"fourier": FourierBasis, "spline": SplineBasis}
+
+
+def make_basis(trajectory: Trajectory, period: float) -> Basis:
+    """The basis that a task's options name; the numbers of their record are the basis's own."""
+    if trajectory.kind not in BASES:
+        raise TypeError("a chain of integrators has no basis; it is transcribed by multiple shooting")
+    return BASES[trajectory.kind](period, **trajectory.model_dump(exclude={"kind"}))
 
 
 def derivative_weights(order: int, half_width: int) -> np.ndarray:

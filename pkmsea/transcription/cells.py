@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmsea.transcription.bases import Basis, SplineBasis
+from pkmsea.transcription.bases import Basis
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Cells:
 
 def make_cells(basis: Basis, samples: int, halo: int, whole: bool = False) -> Cells:
     """Cut a uniform periodic grid of `samples` points into cells; into one if it is to stay `whole`."""
-    count = 1 if whole else _cell_count(basis, samples, halo)
+    count = 1 if whole else basis.cells(samples, halo)
     r = samples // count
     grid = (np.arange(count)[:, None] * r + np.arange(-halo, r + halo)) % samples
     t = grid[0] * basis.period / samples
@@ -48,10 +48,3 @@ def make_cells(basis: Basis, samples: int, halo: int, whole: bool = False) -> Ce
     used = np.flatnonzero(np.abs(first).max(axis=(0, 1)) > 0)
     coefficients = (used + np.arange(count)[:, None]) % count
     return Cells(grid, coefficients, first[:, :, used], halo)
-
-
-def _cell_count(basis: Basis, samples: int, halo: int) -> int:
-    if not isinstance(basis, SplineBasis):
-        return 1
-    reach = -(-halo // (samples // basis.knots))
-    return basis.knots if basis.degree + 1 + 2 * reach < basis.knots else 1

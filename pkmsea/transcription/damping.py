@@ -22,20 +22,35 @@ def derivative(values: np.ndarray, period: float, order: int) -> np.ndarray:
     return np.asarray(np.fft.irfft(factor[:, None] * np.fft.rfft(values, axis=0), values.shape[0], axis=0))
 
 
+def compliance(c: float, damping: float, omega: np.ndarray) -> np.ndarray:
+    """K = 1 / (c + i w d_s) [rad/(N m), m/N] at angular frequencies w."""
+    return np.asarray(1.0 / (c + 1j * omega * damping))
+
+
+def filtered(gain: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Samples of one period (samples,) through a filter that is given by its gains at their frequencies."""
+    return np.asarray(np.fft.irfft(gain * np.fft.rfft(values), values.size))
+
+
 class DampedSprings:
-    """The filters of a robot's damped springs on a grid; p are the variables of its parameters, ln c first."""
+    """The filters of a robot's damped springs on a grid; p are the variables of its parameters, with ln c among them.
+
+    `drives` are the drives that have such springs, `parameter` gives the place of each one's ln c in p.
+    """
 
     def __init__(self, actuation: Actuation, period: float, samples: int) -> None:
-        self._elastic, self._damping, self._samples = actuation.elastic, actuation.numbers("damping"), samples
+        self.drives = [i for i, kind in enumerate(actuation.kinds) if kind.remembers]
+        self.parameter = {i: actuation.structure.parameters.index(("c", i)) for i in self.drives}
+        self._damping, self._samples = actuation.numbers("damping"), samples
         self._omega = frequencies(period, samples)
 
     def deflection(self, i: int, p: np.ndarray, u: np.ndarray) -> np.ndarray:
         """e of drive i from its force u, (samples,)."""
-        return self._filter(self._gains(i, p)[0], u)
+        return filtered(self._gains(i, p)[0], u)
 
     def adjoint(self, i: int, p: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """K^T weights."""
-        return self._filter(self._gains(i, p)[0].conj(), weights)
+        return filtered(self._gains(i, p)[0].conj(), weights)
 
     def kernel(self, i: int, p: np.ndarray) -> np.ndarray:
         """First column of the circulant matrix K, (samples,)."""
@@ -43,20 +58,17 @@ class DampedSprings:
 
     def slope(self, i: int, p: np.ndarray, u: np.ndarray) -> np.ndarray:
         """de/d(ln c) for a given force, (samples,)."""
-        return self._filter(self._gains(i, p)[1], u)
+        return filtered(self._gains(i, p)[1], u)
 
     def mixed(self, i: int, p: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """d^2(weights^T e)/d(ln c)du, (samples,)."""
-        return self._filter(self._gains(i, p)[1].conj(), weights)
+        return filtered(self._gains(i, p)[1].conj(), weights)
 
     def curvature(self, i: int, p: np.ndarray, u: np.ndarray, weights: np.ndarray) -> float:
         """d^2(weights^T e)/d(ln c)^2 for a given force."""
-        return float(weights @ self._filter(self._gains(i, p)[2], u))
+        return float(weights @ filtered(self._gains(i, p)[2], u))
 
     def _gains(self, i: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        c = np.exp(p[self._elastic.index(i)])
-        K = 1.0 / (c + 1j * self._omega * self._damping[i])
+        c = np.exp(p[self.parameter[i]])
+        K = compliance(c, self._damping[i], self._omega)
         return K, -c * K**2, -c * K**2 + 2 * c**2 * K**3
-
-    def _filter(self, gain: np.ndarray, values: np.ndarray) -> np.ndarray:
-        return np.asarray(np.fft.irfft(gain * np.fft.rfft(values), self._samples))

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from pkmsea.problem import Problem
-from pkmsea.task import Fourier, Spline
+from pkmsea.task.task import Trajectory
 from pkmsea.transcription import guess
 from pkmsea.transcription.base import Transcription
-from pkmsea.transcription.bases import make_basis
+from pkmsea.transcription.bases import Basis, make_basis
 from pkmsea.transcription.flat import FlatNlp
 from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp
@@ -24,15 +24,24 @@ FEWEST_SAMPLES = 200
 class FlatTranscription(Transcription):
     """Flat outputs on splines or Fourier series, everything else on a grid several times finer."""
 
-    def __init__(self, problem: Problem, trajectory: Fourier | Spline, samples: int | None) -> None:
+    refines = True
+
+    def __init__(self, problem: Problem, trajectory: Trajectory, samples: int | None) -> None:
         super().__init__(problem)
         self.trajectory, self.basis = trajectory, make_basis(trajectory, problem.cycle.period)
         self.size = self.basis.size
         wanted = samples or max(FEWEST_SAMPLES, 2 * PER_KNOT * self.basis.modes)
-        pieces = trajectory.knots if isinstance(trajectory, Spline) else 1
-        self.samples = pieces * math.ceil(wanted / pieces)
+        self.samples = self.basis.pieces * math.ceil(wanted / self.basis.pieces)
         self._free = FlatNlp(problem, self.basis, self.samples, ())
         self._limited: FlatNlp | None = None
+
+    @classmethod
+    def of(cls, problem: Problem) -> FlatTranscription:
+        return cls(problem, problem.options.trajectory, problem.options.samples)
+
+    @classmethod
+    def on(cls, problem: Problem, basis: Basis, samples: int) -> FlatTranscription:
+        return cls(problem, basis.trajectory, samples)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.problem, self.trajectory, self.samples)
@@ -63,10 +72,7 @@ class FlatTranscription(Transcription):
         )
 
     def refined(self) -> FlatTranscription:
-        if isinstance(self.trajectory, Spline):
-            finer: Fourier | Spline = self.trajectory.model_copy(update={"knots": 2 * self.trajectory.knots})
-            return FlatTranscription(self.problem, finer, 2 * self.samples)
-        return FlatTranscription(self.problem, self.trajectory, 2 * self.samples)
+        return FlatTranscription(self.problem, self.basis.finer().trajectory, 2 * self.samples)
 
     def transfer(self, motion: Motion) -> np.ndarray:
         t = np.arange(4 * self.basis.size) * self.basis.period / (4 * self.basis.size)

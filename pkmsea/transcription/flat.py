@@ -2,7 +2,8 @@
 
 The NLP's variables are the coefficients of the flat output and the robot's parameters (ln c) only; the equations of
 motion hold at every iterate, so there is nothing to be infeasible but windows and limits, and nothing to be exploited
-between the knots. The cost is the mean of (P + sqrt(P^2 + eps^2)) / 2 over the grid, eps sharpened in steps.
+between the knots. The objective is the integral over the grid of the cost's rate (`pkmsea.actuation.cost`), smoothed
+by eps, which is sharpened in steps.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from pkmsea.actuation.cost import SHARPENING
 from pkmsea.problem import Bound, Problem
 from pkmsea.transcription.bases import Basis
 from pkmsea.transcription.nlp import Callback, Nlp, Variable
@@ -18,8 +20,6 @@ from pkmsea.transcription.robot import RobotOnGrid
 from pkmsea.transcription.signals import SignalsOnGrid
 from pkmsea.transcription.windows import LinearRows, linear_rows, narrowed
 
-SHARPENING = (1.0, 0.3, 0.1, 0.03)  # eps of each step, relative to the mean positive power before it
-SMALLEST_POWER = 1e-9  # [W]; keeps the root differentiable where nothing moves
 SMALLEST_SPREAD = 1e-6  # [rad, m, N m, N]; keeps a scale positive where nothing moves
 DRIVES = ("tau", "speed")
 JOINTS = ("q", "dq", "ddq")
@@ -44,7 +44,7 @@ class FlatNlp:
             for bound in self.limited
         ]
         self.robot = RobotOnGrid(problem.actuation, basis, samples, joints)
-        self._signals = SignalsOnGrid(problem.actuation, self.robot.z, len(joints), self._columns)
+        self._signals = SignalsOnGrid(problem.actuation, problem.cost, self.robot.z, len(joints), self._columns)
         self.rows: LinearRows = linear_rows(problem, basis, samples, self.robot.size)
         self._pattern = Pattern(self.robot, self.rows, len(self._columns))
 
@@ -63,12 +63,12 @@ class FlatNlp:
         return self._signals.values()[2 * bound.index + DRIVES.index(bound.quantity)]
 
     def energy(self, x: np.ndarray) -> float:
-        """The transcription's own energy, with the exact positive part [J]."""
+        """The transcription's own value of the cost, without smoothing."""
         self.robot.at(x)
-        return float(self.weight * np.maximum(self._signals.power(), 0.0).sum())
+        return self.problem.cost.value(self._signals.exact(), self.weight)
 
     def objective(self, x: np.ndarray, eps: float) -> float:
-        """Smoothed energy [J]."""
+        """Integral of the smoothed rate."""
         self.robot.at(x)
         return float(self.weight * self._signals.rate(eps).sum())
 
@@ -79,7 +79,7 @@ class FlatNlp:
         return np.concatenate([self.rows.matrix @ x, limited.ravel()])
 
     def gradient(self, x: np.ndarray, eps: float) -> np.ndarray:
-        """Gradient of the smoothed energy."""
+        """Gradient of the objective."""
         self.robot.at(x)
         return self.robot.gradient(self._signals.slope(eps, self.weight))
 
@@ -149,8 +149,7 @@ class FlatNlp:
         return Nlp(variables, lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
 
     def _sharpen(self, step: int, x: np.ndarray) -> np.ndarray:
-        mean = max(self.energy(x) / self.basis.period, SMALLEST_POWER)
-        return np.array([mean * SHARPENING[step]])
+        return np.array([self.problem.cost.smoothing(step, self.energy(x), self.basis.period)])
 
     def _variables(self, guess: np.ndarray) -> tuple[Variable, ...]:
         coefficients, p = self.robot.split(guess)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmsea.actuation.equations import free_coordinates
+from pkmsea.kernels import Batch
 from pkmsea.problem import Problem
 from pkmsea.transcription.bases import Basis, SplineBasis
-from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.robot import RobotOnGrid
 from pkmsea.transcription.windows import window_times
 
@@ -81,23 +82,15 @@ def _shared_load(problem: Problem, robot: RobotOnGrid, x: np.ndarray, rng: np.ra
     """
     actuation = problem.actuation
     m, n = robot.m, robot.n
-    stiffness = Motion.of(actuation, robot.basis, *robot.split(x)).stiffness
     q, v, a, forces = np.split(robot.instants.xi.T, [n, 2 * n, 3 * n], axis=1)
     u = np.empty((q.shape[0], m))
-    u[:, [*actuation.free, *actuation.shape.dependent]] = forces[:, :m]
+    u[:, [*actuation.free, *actuation.structure.dependent]] = forces[:, :m]
     N_A = robot.drive_jacobian(q.T)
     share = (N_A @ np.linalg.pinv(N_A) @ u[:, :, None])[..., 0]
     if rng is not None:
         size = INTERNAL * np.abs(share).max()
         for i in actuation.free:
             share[:, i] += size * _detour(rng, robot.t, robot.basis.period, max(HARMONICS))
-    z = np.empty((q.shape[0], len(actuation.free)))
-    for j, i in enumerate(actuation.free):
-        joint, drive = actuation.mechanism.actuated[i], actuation.drives[i]
-        if i in actuation.damped:
-            z[:, j] = share[:, i]
-        elif drive.elastic:
-            z[:, j] = q[:, joint] + share[:, i] / stiffness[i]
-        else:
-            z[:, j] = share[:, i] + drive.inertia * a[:, joint] + drive.friction * v[:, joint]
+    p = robot.split(x)[1]
+    z = Batch(free_coordinates(actuation.structure), robot.samples)(q, v, a, share, p, actuation.r)[0]
     return robot.basis.fit(robot.t, z)

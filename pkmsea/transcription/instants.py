@@ -7,8 +7,8 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from pkmsea.actuation.actuation import Shape
 from pkmsea.actuation.equations import GROUP_MATRICES, StageFunctions, stage_functions
+from pkmsea.actuation.structure import Structure
 from pkmsea.bridge import _bridge
 from pkmsea.kernels import Factors, Pipeline, program
 
@@ -26,11 +26,11 @@ class Instants:
     mu : weights of s_D in the curvature.
     """
 
-    def __init__(self, shape: Shape, limited: tuple[int, ...], r: np.ndarray, load: np.ndarray) -> None:
+    def __init__(self, structure: Structure, limited: tuple[int, ...], r: np.ndarray, load: np.ndarray) -> None:
         """r (5m,) are the drives' numbers, load (instants,) is the payload's mass [kg]."""
-        functions, count = stage_functions(shape, limited), load.size
+        functions, count = stage_functions(structure, limited), load.size
         self._programs = _programs(functions)
-        self._count, self._groups, n = count, functions.groups, shape.mechanism.model.nq
+        self._count, self._groups, n = count, functions.groups, structure.mechanism.model.nq
         self.xi = np.zeros((functions.groups[-1].stop, count))
         self.w = np.zeros((functions.outputs.size1_in("w"), count))
         self.p = np.zeros(functions.outputs.size1_in("p"))

@@ -42,6 +42,11 @@ class Motion:
             places[parameter.kind][parameter.drive] = np.exp(variable) if parameter.logarithmic else variable
         return cls(basis, coefficients.copy(), stiffness, parallel)
 
+    @property
+    def springs(self) -> dict[int, float]:
+        """Stiffness of every series spring, by its drive [N m/rad, N/m]."""
+        return {i: float(c) for i, c in enumerate(self.stiffness) if not np.isnan(c)}
+
     def variables(self, actuation: Actuation) -> np.ndarray:
         """The inverse of `of`: the variables of the robot's parameters, moved into their bounds."""
         places = {"c": self.stiffness, "k": self.parallel[:, 0], "rest": self.parallel[:, 1]}

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from pkmsea.actuation.cost import ENERGY, bus_power, positive
 from pkmsea.actuation.flat_map import flat_map_of_columns
+from pkmsea.errors import InputError
 from pkmsea.mechanism import pose
 from pkmsea.problem import Problem
-from pkmsea.task import Chain
 from pkmsea.transcription import guess
 from pkmsea.transcription.base import Transcription
-from pkmsea.transcription.bases import Basis, SplineBasis, make_basis
+from pkmsea.transcription.bases import BASES, Basis, SplineBasis, make_basis
 from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp, Variable
 from pkmsea.transcription.robot import RobotOnGrid
@@ -52,14 +53,12 @@ class PaperTranscription(Transcription):
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
-        options = problem.options
+        _refuse_extras(problem)
+        options, period = problem.options, problem.cycle.period
         self.samples = options.samples or SAMPLES
-        self.chain = isinstance(options.trajectory, Chain)
-        period = problem.cycle.period
+        self.chain = options.trajectory.kind not in BASES
         self.basis: Basis = (
-            SplineBasis(period, self.samples, DEGREE)
-            if isinstance(options.trajectory, Chain)
-            else make_basis(options.trajectory, period)
+            SplineBasis(period, self.samples, DEGREE) if self.chain else make_basis(options.trajectory, period)
         )
         self.size = self.basis.size
         self.t = np.arange(self.samples) * period / self.samples
@@ -74,9 +73,9 @@ class PaperTranscription(Transcription):
         self._shapes: dict[str, tuple[int, int]] = {}
         unknowns: dict[str, ca.MX] = {}
 
-        def unknown(name: str, *shape: int) -> ca.MX:
-            self._shapes[name] = (shape[0], shape[1])
-            unknowns[name] = ca.MX.sym(name, *shape)
+        def unknown(name: str, *structure: int) -> ca.MX:
+            self._shapes[name] = (structure[0], structure[1])
+            unknowns[name] = ca.MX.sym(name, *structure)
             return unknowns[name]
 
         if self.chain:
@@ -85,19 +84,19 @@ class PaperTranscription(Transcription):
             coefficients = unknown("coefficients", self.basis.size, outputs)
             matrices = [ca.DM(self.basis.matrix(self.t, d)) for d in range(DEPTHS[0])]
             jets = [ca.horzcat(*[B @ coefficients[:, j] for B in matrices[: self._depth(j)]]).T for j in range(outputs)]
-        theta = unknown("theta", max(len(actuation.elastic), 1), 1)
+        theta = unknown("theta", max(len(actuation.parameters), 1), 1)
         q = unknown("q", self.robot.n, K)
         p = unknown("p", 1, K)
 
         c = ca.MX.ones(self.m)
-        for j, i in enumerate(actuation.elastic):
-            c[i] = ca.exp(theta[j])
+        for j, parameter in enumerate(actuation.parameters):
+            c[parameter.drive] = ca.exp(theta[j])
         Y = ca.vertcat(*[jets[j][d, :] for d in range(DEPTHS[0]) for j in range(self.delta)])
         Z = ca.vertcat(*[jets[j][d, :] for d in range(DEPTHS[1]) for j in range(self.delta, outputs)])
         torque = self._flat_torque().map(K)
         tau, speed, v, a = torque(q, Y, Z, ca.repmat(c, 1, K))
         Psi = pose.task_system(actuation.mechanism).map(K)(q)[0]
-        P = ca.sum1(tau * speed + ca.repmat(ca.DM(self.problem.kappa), 1, K) * tau**2)
+        P = bus_power(ca.vertsplit(tau), ca.vertsplit(speed), actuation.each)
         closures = self.robot.n - self.delta
         rows.add(Psi[:closures, :], 0.0, 0.0)
         rows.add(Psi[closures:, :] - Y[: self.delta, :], 0.0, 0.0)
@@ -143,10 +142,10 @@ class PaperTranscription(Transcription):
     def _flat_torque(self) -> ca.Function:
         """(q, Y, Z, c) -> tau, v_M, v, a with Y and Z as columns and the drives' numbers in place."""
         actuation = self.problem.actuation
-        exact = flat_map_of_columns(actuation.shape)
+        exact = flat_map_of_columns(actuation.structure)
         q, Y, Z, c = (ca.SX.sym(name, exact.numel_in(i)) for i, name in enumerate(("q", "Y", "Z", "c")))
         none, mass = ca.DM.zeros(self.m), ca.DM.zeros(1, 3)
-        out = exact(q, Y, Z, c, none, none, mass, ca.DM(self.robot.r))
+        out = exact(q, Y, Z, c, none, none, mass, ca.DM(actuation.r))
         return ca.Function("flat_torque", [q, Y, Z, c], [out[2], out[1], out[4], out[5]])
 
     def _window_rows(self, rows: _Rows, Y: ca.MX) -> None:
@@ -183,7 +182,7 @@ class PaperTranscription(Transcription):
             parts["coefficients"] = coefficients
         parts["p"] = np.zeros((1, self.samples))
         x = self._stack(parts)
-        parts["p"] = np.maximum(np.array(self._power(x)), 0.0)
+        parts["p"] = positive(np.array(self._power(x)))
         return self._stack(parts)
 
     def _stack(self, parts: dict[str, np.ndarray]) -> np.ndarray:
@@ -193,8 +192,8 @@ class PaperTranscription(Transcription):
         sizes = [rows * columns for rows, columns in self._shapes.values()]
         pieces = np.split(x, np.cumsum(sizes)[:-1])
         return {
-            name: piece.reshape(shape, order="F")
-            for (name, shape), piece in zip(self._shapes.items(), pieces, strict=True)
+            name: piece.reshape(structure, order="F")
+            for (name, structure), piece in zip(self._shapes.items(), pieces, strict=True)
         }
 
     def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
@@ -204,7 +203,7 @@ class PaperTranscription(Transcription):
             lower, upper = np.full(flat.size, -np.inf), np.full(flat.size, np.inf)
             if name == "p":
                 lower[:] = 0.0
-            if name == "theta" and self.problem.actuation.elastic:
+            if name == "theta" and self.problem.actuation.parameters:
                 lower, upper = np.array([p.bounds for p in self.problem.actuation.parameters]).T
             elif name == "theta":
                 lower, upper = np.zeros(1), np.zeros(1)
@@ -212,8 +211,8 @@ class PaperTranscription(Transcription):
         return Nlp(tuple(variables), self._lower, self._upper, self._oracle, 1, lambda step, x: np.zeros(1))
 
     def energy(self, x: np.ndarray) -> float:
-        power = np.array(self._power(x))
-        return float(np.maximum(power, 0.0).sum() * self.problem.cycle.period / self.samples)
+        rates = positive(np.array(self._power(x)))
+        return self.problem.cost.value(rates, self.problem.cycle.period / self.samples)
 
     def motion(self, x: np.ndarray) -> Motion:
         parts = self._parts(x)
@@ -221,10 +220,19 @@ class PaperTranscription(Transcription):
             coefficients = self.basis.fit(self.t, np.array(self._position(x)).T)
         else:
             coefficients = parts["coefficients"].copy()
-        stiffness = np.full(self.m, np.nan)
-        elastic = self.problem.actuation.elastic
-        stiffness[elastic] = np.exp(parts["theta"].ravel()[: len(elastic)])
-        return Motion(self.basis, coefficients, stiffness)
+        actuation = self.problem.actuation
+        return Motion.of(actuation, self.basis, coefficients, parts["theta"].ravel()[: len(actuation.parameters)])
 
     def within_limits(self, x: np.ndarray) -> bool:
         return True  # the NLP holds them at its samples
+
+
+def _refuse_extras(problem: Problem) -> None:
+    """The paper's transcription knows neither parallel springs nor damped ones, no payload, no other cost."""
+    structure = problem.actuation.structure
+    damped = any(kind.remembers for kind in structure.kinds)
+    another = problem.cost != ENERGY
+    present = {"cost": another, "parallel": structure.parallel, "damping": damped, "payload": structure.payload}
+    for key, found in present.items():
+        if found:
+            raise InputError(f"The paper's transcription has no {key}.", "Use options.transcription: flat.", key=key)

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pkmsea.actuation import NUMBERS, Actuation
-from pkmsea.actuation.signals import signal_functions
+from pkmsea.actuation import Actuation
+from pkmsea.actuation.signals import rows
 from pkmsea.bridge import _bridge
 from pkmsea.mechanism import pose
 from pkmsea.transcription.bases import Basis, derivative_weights
@@ -44,14 +44,14 @@ class RobotOnGrid:
         self.outputs = self.m  # entries of the flat output: delta + (m - delta)
         self.size = self.outputs * basis.size + len(actuation.parameters)
         self.t = np.arange(samples) * basis.period / samples
-        self.r, load = np.concatenate([actuation.numbers(key) for key in NUMBERS]), actuation.load(self.t)
-        self.instants = Instants(actuation.shape, tuple(2 * self.m + i for i in limited), self.r, load)
-        self.cells = make_cells(basis, samples, HALF_WIDTH, whole=bool(actuation.damped))  # deflections have a memory
-        self.local = self._local_indices()
+        load = actuation.load(self.t)
+        self.instants = Instants(actuation.structure, tuple(2 * self.m + i for i in limited), actuation.r, load)
         self.springs = DampedSprings(actuation, basis.period, samples)
-        rows = np.array(signal_functions(actuation.shape, len(limited)).rows, np.int32)
-        self.z = np.zeros((rows.shape[0], samples))
-        self._grid = self._make_grid(rows)
+        self.cells = make_cells(basis, samples, HALF_WIDTH, whole=bool(self.springs.drives))  # they have a memory
+        self.local = self._local_indices()
+        of_z = np.array(rows(actuation.structure, len(limited)), np.int32)
+        self.z = np.zeros((of_z.shape[0], samples))
+        self._grid = self._make_grid(of_z)
         self._poses = Poses(mechanism, samples)
         self._outputs = np.zeros_like(self.instants.s)  # with the deflections of the damped springs
         self._sign: dict[str, float] = {}
@@ -91,11 +91,11 @@ class RobotOnGrid:
         if not np.all(np.isfinite(e.xi)):
             raise FloatingPointError("the trajectory touches a singularity")
         self._outputs[...] = e.s
-        for position, i in enumerate(self.actuation.damped):
+        for position, i in enumerate(self.springs.drives):
             u = e.s[2 * i + 1]
             self._outputs[2 * i] += self.springs.deflection(i, p, u)
             numbers = self.springs.kernel(i, p), self.springs.slope(i, p, u)
-            self._grid.filter(position, 2 * i, 2 * i + 1, self.actuation.elastic.index(i), *numbers)
+            self._grid.filter(position, 2 * i, 2 * i + 1, self.springs.parameter[i], *numbers)
         self._grid.differentiate(self._outputs, self.z)
         self._last, self._x = (x.copy(), q), x.copy()
 
@@ -107,7 +107,7 @@ class RobotOnGrid:
         self._grid.gather(self.instants.S, weights, result)
         for i, weight in on_deflection.items():
             slope = self.springs.slope(i, p, self.instants.s[2 * i + 1])
-            result[self.size - p.size + self.actuation.elastic.index(i)] += weight @ slope
+            result[self.size - p.size + self.springs.parameter[i]] += weight @ slope
         return result
 
     def jacobian(self, J: np.ndarray) -> np.ndarray:
@@ -174,7 +174,7 @@ class RobotOnGrid:
         """Weights of the stage's outputs from those of z, and of the deflections of the damped springs."""
         weights, on_deflection, p = np.zeros_like(self.instants.s), {}, self.split(self._x)[1]
         self._grid.differentiate_adjoint(on_z, weights)
-        for i in self.actuation.damped:
+        for i in self.springs.drives:
             on_deflection[i] = weights[2 * i].copy()
             weights[2 * i + 1] += self.springs.adjoint(i, p, on_deflection[i])
         return weights, on_deflection

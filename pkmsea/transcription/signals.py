@@ -1,4 +1,4 @@
-"""Torques, speeds, power and the cost's rate at all instants of a grid, with derivatives in z."""
+"""Torques, speeds and the cost's rate at all instants of a grid, with derivatives in z."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.actuation import Actuation
-from pkmsea.actuation.signals import NUMBERS, signal_functions
+from pkmsea.actuation.cost import Cost
+from pkmsea.actuation.signals import signal_functions
 from pkmsea.bridge import _bridge
 from pkmsea.kernels import Pipeline, program
 
-UNIFORM = ("numbers", "eps", "factor")
+UNIFORM = ("r", "eps", "factor")
 
 
 class SignalsOnGrid:
@@ -22,19 +23,19 @@ class SignalsOnGrid:
     All results are overwritten by the next call.
     """
 
-    def __init__(self, actuation: Actuation, z: np.ndarray, joints: int, columns: Sequence[int]) -> None:
+    def __init__(self, actuation: Actuation, cost: Cost, z: np.ndarray, joints: int, columns: Sequence[int]) -> None:
         """Signals are those of all drives and of so many joints' motions; `columns` are the constrained ones."""
-        functions, rows, count = signal_functions(actuation.shape, joints), z.shape[0], z.shape[1]
-        self._columns = list(columns)
+        functions, rows, count = signal_functions(actuation.structure, cost, joints), z.shape[0], z.shape[1]
+        self._actuation, self._cost, self._columns = actuation, cost, list(columns)
         signals = 2 * actuation.m + joints
         self._eps, self._factor = np.zeros(1), np.zeros(1)
-        self._rate, self._P, self._h = np.zeros((1, count)), np.zeros((1, count)), np.zeros((signals, count))
+        self._rate, self._h = np.zeros((1, count)), np.zeros((signals, count))
         self._mu, self._slope = np.zeros((signals, count)), np.zeros((rows, count))
         self._J, self._Q = np.zeros((signals * rows, count)), np.zeros((rows * rows, count))
-        given = [z, np.concatenate([actuation.numbers(key) for key in NUMBERS])]
+        given = [z, actuation.r]
         weights = [*given, self._eps, self._factor, self._mu]
         calls = (
-            (functions.value, [*given, self._eps], [self._rate, self._h, self._P]),
+            (functions.value, [*given, self._eps], [self._rate, self._h]),
             (functions.slope, weights, [self._slope]),
             (functions.jacobian, given, [self._J]),
             (functions.curvature, weights, [self._Q]),
@@ -45,7 +46,7 @@ class SignalsOnGrid:
             run.call(_program(function), inputs, outputs)
 
     def rate(self, eps: float) -> np.ndarray:
-        """The cost's rate, smoothed over the width eps, (instants,)."""
+        """The cost's rate, smoothed by eps, (instants,)."""
         self._eps[0] = eps
         self._run_value.run()
         return self._rate[0]
@@ -55,10 +56,11 @@ class SignalsOnGrid:
         self._run_value.run()
         return self._h
 
-    def power(self) -> np.ndarray:
-        """Bus power P [W], (instants,)."""
+    def exact(self) -> np.ndarray:
+        """The cost's exact rate, (instants,)."""
         self._run_value.run()
-        return self._P[0]
+        drives = self._h[: 2 * self._actuation.m]
+        return np.asarray(self._cost.exact(drives[0::2], drives[1::2], self._actuation.each))
 
     def slope(self, eps: float, factor: float, mu: np.ndarray | None = None) -> np.ndarray:
         """Gradient of factor * rate + mu^T (constrained signals) in z, (z, instants)."""

@@ -27,7 +27,7 @@ class Drives:
     parallel: np.ndarray
 
     def __post_init__(self) -> None:
-        for i in self.actuation.elastic:
+        for i in np.flatnonzero(self.elastic):
             label = self.actuation.labels[i]
             if self.actuation.drives[i].inertia == 0:
                 raise InputError(
@@ -75,6 +75,20 @@ class Drives:
     @cached_property
     def damping(self) -> np.ndarray:
         return self.actuation.numbers("damping")
+
+    @cached_property
+    def inertia_on_joints(self) -> np.ndarray:
+        """Rotor inertias that the joints carry (m,): those of rigid drives."""
+        return np.where(self.elastic, 0.0, self.inertia)
+
+    def forces(self, wound: np.ndarray, rate: np.ndarray, left: np.ndarray) -> np.ndarray:
+        """u (..., m): of the springs at q_M - q_A and v_M - v_A, or what is left of a rigid drive's torque."""
+        return np.where(self.elastic, self.spring(wound, rate), left)
+
+    @cached_property
+    def damped_gain(self) -> np.ndarray:
+        """Largest gain of a feedback of the motors' speeds that is no faster than the rotor on its spring (m,)."""
+        return np.where(self.elastic, np.sqrt(self.c * self.inertia), np.inf)
 
     def spring(self, wound: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """Spring forces u at q_M - q_A and v_M - v_A (..., m)."""

@@ -63,7 +63,7 @@ class Robot:
     @cached_property
     def rotors_on_joints(self) -> np.ndarray:
         """S_A^T M_M S_A of the rigid drives, (n, n)."""
-        return np.diag(self.on_joints @ np.where(self.drives.elastic, 0.0, self.drives.inertia))
+        return np.diag(self.on_joints @ self.drives.inertia_on_joints)
 
     @cached_property
     def upper(self) -> np.ndarray:
@@ -110,11 +110,10 @@ class Robot:
         drives = self.drives
         q, v, _, _ = self.split(x)
         q_M, v_M = self.motors(x)
-        q_A, left = q[self.at], tau - drives.friction(v_M)
-        spring = drives.spring(q_M - q_A, v_M - v[self.at])
-        f = np.where(drives.elastic, spring, left) + drives.parallel_spring(q_A)
-        a_M = (left - spring)[drives.elastic] / drives.inertia[drives.elastic]
-        return np.concatenate([v, self.acceleration(t, q, v, f), v_M[drives.elastic], a_M])
+        q_A, left, own = q[self.at], tau - drives.friction(v_M), drives.elastic
+        u = drives.forces(q_M - q_A, v_M - v[self.at], left)
+        a_M = (left - u)[own] / drives.inertia[own]
+        return np.concatenate([v, self.acceleration(t, q, v, u + drives.parallel_spring(q_A)), v_M[own], a_M])
 
     def acceleration(self, t: float, q: np.ndarray, v: np.ndarray, f: np.ndarray) -> np.ndarray:
         """a (n,) from the KKT system of the constrained tree, under forces f (m,) of the drives on the joints."""

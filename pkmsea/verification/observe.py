@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmsea.actuation import Actuation
+from pkmsea.problem import Cost
 from pkmsea.verification.dynamics import Robot
 from pkmsea.verification.replay import Trace
 
@@ -40,12 +42,11 @@ class Observed:
     closure: np.ndarray
     mechanical: np.ndarray
 
-    @property
-    def consumed(self) -> np.ndarray:
-        """Integral of max(P, 0) from the first instant on [J], by the trapezoidal rule."""
-        P = np.maximum(self.power, 0)
-        steps = np.diff(self.t) * (P[1:] + P[:-1]) / 2
-        return np.concatenate([[0.0], np.cumsum(steps)])
+    def cost(self, cost: Cost, actuation: Actuation, at: slice) -> float:
+        """Value of a cost over a part of the trace, by the trapezoidal rule."""
+        rates = cost.exact(self.tau[at].T, self.v_M[at].T, actuation.each)
+        steps = np.diff(self.t[at])
+        return cost.value(rates, (np.append(steps, 0.0) + np.append(0.0, steps)) / 2)
 
 
 def observe(robot: Robot, trace: Trace) -> Observed:
@@ -61,7 +62,7 @@ def observe(robot: Robot, trace: Trace) -> Observed:
     friction = drives.friction(v_M)
     rigid = trace.tau - drives.inertia * a[:, robot.at] - friction
     slip = v_M - v[:, robot.at]
-    u = np.where(drives.elastic, drives.spring(q_M - q[:, robot.at], slip), rigid)
+    u = drives.forces(q_M - q[:, robot.at], slip, rigid)
     kappa = drives.actuation.numbers("copper_loss")
     power = (trace.tau * v_M + kappa * trace.tau**2).sum(axis=1)
     carried = [robot.payload_power(*each) for each in zip(trace.t, q, v, a, strict=True)]

@@ -30,7 +30,7 @@ class Reference:
     solution : the stored flat output and stiffnesses, with robot and task, as loaded; its energies are its own.
     t : (K,) uniform, from 0, without the period's end.
     series : by name, (K, ...).
-    energy : per cycle, as the result prints it [J].
+    energy : value of the cost per cycle, by default the energy [J], as the result prints it.
     """
 
     solution: Solution
@@ -58,7 +58,7 @@ class Reference:
     @cached_property
     def states(self) -> np.ndarray:
         """x = (q, v, q_M, v_M) at the samples; motors of elastic drives only (K, 2n + 2e)."""
-        elastic = self.problem.actuation.elastic
+        elastic = self.drives.elastic
         motors = self.series["q_M"][:, elastic], self.series["v_M"][:, elastic]
         return np.hstack([self.series["q"], self.series["v"], *motors])
 
@@ -81,8 +81,7 @@ class Reference:
     def flat_series(self) -> np.ndarray:
         """The stored series that are entries of the flat output: r_E, then q_M, u or tau of the free drives (K, m)."""
         actuation = self.problem.actuation
-        names = ["u" if i in actuation.damped else "q_M" if i in actuation.elastic else "tau" for i in actuation.free]
-        z = [self.series[name][:, i] for name, i in zip(names, actuation.free, strict=True)]
+        z = [self.series[actuation.kinds[i].coordinate][:, i] for i in actuation.free]
         return np.column_stack([self.series["r_E"], *z])
 
     def _spline(self, stride: int) -> BSpline:
@@ -108,10 +107,11 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
     actuation = problem.actuation
     n, m, axes = actuation.mechanism.model.nq, actuation.m, actuation.mechanism.mobility
     widths = {"r_E": axes, "q": n, "v": n, "power": 0, "energy": 0}
+    key = f"{problem.cost.name}_true"
     try:
         t = numbers(dataset, "time")
         series = {name: numbers(dataset, name) for name in SERIES}
-        energy = float(dataset.attrs["energy_true"])
+        energy = float(dataset.attrs[key])
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error
     uniform = np.arange(t.size) * problem.cycle.period / max(t.size, 1)
@@ -120,7 +120,7 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
             "The samples are not evenly spread over one period.", "Solve the task again.", file=file, key="time"
         )
     if not np.isfinite(energy):
-        raise InputError("This is not a finite number.", "Solve the task again.", file=file, key="energy_true")
+        raise InputError("This is not a finite number.", "Solve the task again.", file=file, key=key)
     for name, values in series.items():
         width = widths.get(name, m)
         if values.shape != ((t.size, width) if width else (t.size,)) or not np.all(np.isfinite(values)):

@@ -58,8 +58,7 @@ def feedback_of(robot: Robot, reference: Reference) -> Feedback:
     w = 2 * np.pi / reference.period
     spread = np.maximum(np.ptp(reference.series["q_M"], axis=0), FLOOR)
     K_d = np.sqrt((reference.series["tau"] ** 2).mean(axis=0)) / spread / w
-    drives = robot.drives
-    K_d = np.where(drives.elastic, np.minimum(K_d, np.sqrt(drives.c * drives.inertia)), K_d)
+    K_d = np.minimum(K_d, robot.drives.damped_gain)
     return Feedback(w * K_d, K_d)
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from scipy.integrate import simpson
 
+from pkmsea.actuation.cost import ENERGY, positive
 from pkmsea.errors import one_line
-from pkmsea.problem import Bound
+from pkmsea.problem import Bound, Cost
 from pkmsea.solution import Solution
 from pkmsea.solution.audit import IDLE
 from pkmsea.solver import Optimality
@@ -21,7 +22,7 @@ from pkmsea.verification.replay import CYCLES, Trace, cycles, segments
 
 END_EFFECTOR = 5e-5  # of the path's extent; 10 micrometres are 7e-5 of that of the PKM's
 DEVIATION = 2e-4  # of a series' range: what a 1 mm shift, a 5 % softer spring or 2 % more torque exceed by far
-ENERGY = 1e-3  # relative; the audit's own gap may be five times as large
+SAME_VALUE = 1e-3  # relative; the audit's own gap may be five times as large
 CLOSURE = 1e-7  # [m, rad]
 BALANCE = 1e-5  # relative to the energy: what the simulation itself gains or loses
 PERIODICITY = 1e-4  # of the path's extent, per cycle
@@ -38,9 +39,9 @@ class Verification:
 
     Attributes
     ----------
-    energy : per cycle, as the result prints it [J].
-    simulated : per cycle, from torque and simulated motor speed, in segments [J].
-    in_cycles : the same in the last of the whole cycles, the feedback's torque included [J].
+    energy : value of the cost per cycle, by default the energy [J], as the result prints it.
+    simulated : per cycle, from torque and simulated motor speed, in segments.
+    in_cycles : the same in the last of the whole cycles, the feedback's torque included.
     gap : the larger difference of these two to `energy`, relative to the energy, or to IDLE of the drives' turnover
         where that is more.
     end_effector, motors : largest deviation in a segment, [m] and [rad, m].
@@ -57,6 +58,7 @@ class Verification:
     resolution : error, relative to the peak torque, at which every second torque sample predicts those in between.
     optimality : first- and second-order conditions of a local minimum; None where they are not available.
     faults : what speaks against the result, one sentence each.
+    cost : what was minimised.
     """
 
     energy: float
@@ -78,6 +80,7 @@ class Verification:
     resolution: float
     optimality: Optimality | None
     faults: tuple[str, ...]
+    cost: Cost = ENERGY
 
     @property
     def verified(self) -> bool:
@@ -89,7 +92,8 @@ class Verification:
         return "not verified: " + "; ".join(self.faults) if self.faults else "verified"
 
     def __repr__(self) -> str:
-        return one_line(f"<Verification: {self.energy:.4g} J, simulated {self.simulated:.4g} J, {self.status}>")
+        said, simulated = self.cost.show(self.energy), self.cost.show(self.simulated)
+        return one_line(f"<Verification: {said}, simulated {simulated}, {self.status}>")
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a wrong result may move without bounds; the checks say so
@@ -105,11 +109,12 @@ def verify(source: Solution | str | Path) -> Verification:
     robot = Robot(said.drives)
     pieces, whole = segments(robot, said), cycles(robot, said)
     short, long = observe(robot, pieces), observe(robot, whole)
-    simulated = float(np.maximum(short.power, 0).mean() * said.period)
+    cost, actuation, step = said.problem.cost, said.problem.actuation, said.period / said.t.size
+    simulated = cost.value(cost.exact(short.tau.T, short.v_M.T, actuation.each), step)
     starts = [int(np.abs(long.t - k * said.period).argmin()) for k in range(CYCLES + 1)]
-    in_cycles = float(np.diff(long.consumed[starts])[-1])
-    turnover = float(np.abs(short.u * short.v[:, robot.at]).sum(axis=1).mean())
-    scale = max(said.energy, IDLE * turnover * said.period)
+    in_cycles = long.cost(cost, actuation, slice(starts[-2], starts[-1] + 1))
+    idle = IDLE * float(np.abs(short.u * short.v[:, robot.at]).sum(axis=1).mean()) * said.period
+    scale = cost.scale(said.energy, idle)
     inverse, direct = np.min([robot.singularity(q) for q in short.q], axis=0)
     measured: dict[str, Any] = {
         "energy": said.energy,
@@ -120,7 +125,7 @@ def verify(source: Solution | str | Path) -> Verification:
         "motors": float(np.abs(short.q_M - said.series["q_M"]).max()),
         "deviations": _deviations(said, short),
         "closure": float(max(short.closure.max(), long.closure.max())),
-        "balance": _balance(long) / (CYCLES * scale),
+        "balance": _balance(long) / (CYCLES * ENERGY.turnover(short.power, step, idle)),
         "periodicity": float(np.abs(np.diff(long.r_E[starts], axis=0)).max()),
         **_feedback(whole, long),
         "window": _window_excess(said, long),
@@ -130,13 +135,13 @@ def verify(source: Solution | str | Path) -> Verification:
         "resolution": said.resolution,
         "optimality": said.solution.optimality(),
     }
-    return Verification(**measured, faults=_faults(measured, said))
+    return Verification(**measured, faults=_faults(measured, said), cost=cost)
 
 
 def _deviations(said: Reference, short: Observed) -> dict[str, float]:
     step = said.period / said.t.size
     seen = {name: getattr(short, name) for name in ("r_E", "q", "v", "q_M", "v_M", "u", "power")}
-    seen["energy"] = np.cumsum(np.maximum(short.power, 0)) * step
+    seen["energy"] = np.cumsum(positive(short.power)) * step
     pairs = {name: (said.series[name], values) for name, values in seen.items()}
     pairs["flat_output"] = said.flat_series, said.motion.flat_output(said.t)
     return {
@@ -179,8 +184,8 @@ def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:
     deviation = min(w.deviation for w in said.problem.cycle.windows)
     lost = [name for name, x in found["deviations"].items() if not x <= DEVIATION]
     checks = [
-        (found["gap"] <= ENERGY, "the result prints {energy:.5g} J, its torque needs {simulated:.5g} J in segments and "
-         "{in_cycles:.5g} J in whole cycles"),
+        (found["gap"] <= SAME_VALUE, "the result prints {energy:.5g} {unit}, its torque needs {simulated:.5g} {unit} "
+         "in segments and {in_cycles:.5g} {unit} in whole cycles"),
         (found["end_effector"] <= END_EFFECTOR * extent, "the end effector deviates by {end_effector:.1e} m"),
         (not lost, f"these series of the result do not follow from its torque: {', '.join(lost)}"),
         (found["closure"] <= CLOSURE, "the loops open by {closure:.1e} m"),
@@ -191,7 +196,7 @@ def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:
         (found["resolution"] <= RESOLUTION, "the samples are too coarse for the torque (off by {resolution:.1e})"),
         *((x <= LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in found["limits"].items()),
     ]  # fmt: skip
-    faults = [text.format(**found) for kept, text in checks if not kept]
+    faults = [text.format(unit=said.problem.cost.unit, **found) for kept, text in checks if not kept]
     faults += [f"by the result's own audit, {fault}" for fault in said.solution.faults]
     optimality = found["optimality"]
     return *faults, *(optimality.faults if optimality else ())

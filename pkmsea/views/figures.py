@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.ndimage import gaussian_filter
 
+from pkmsea.actuation.cost import positive
 from pkmsea.errors import InputError
 from pkmsea.files import write_whole
 from pkmsea.mechanism.workspace import workspace
@@ -43,7 +44,9 @@ def overview(solutions: Sequence[Solution], failed: Sequence[str] = ()) -> Figur
         torque_panel(axes, solution)
     first = solutions[0].problem
     missing = f"\nno result: {', '.join(failed)}" if failed else ""
-    figure.suptitle(f"{first.title}: energy-optimal cycles of {first.cycle.period:g} s{missing}", fontsize=13)
+    figure.suptitle(
+        f"{first.title}: {first.cost.label}-optimal cycles of {first.cycle.period:g} s{missing}", fontsize=13
+    )
     return figure
 
 
@@ -110,8 +113,8 @@ def energy_panel(axes: Any, solutions: Sequence[Solution]) -> None:
     """Cumulated electrical energy."""
     for color, solution in zip(COLORS, solutions, strict=False):
         s = solution.series
-        drawn = np.cumsum(np.maximum(s.power, 0)) * solution.problem.cycle.period / s.t.size
-        axes.plot(s.t, drawn, color=color, label=f"{solution.label}  {solution.energy:.4g} J", lw=1.4)
+        drawn = np.cumsum(positive(s.power)) * solution.problem.cycle.period / s.t.size
+        axes.plot(s.t, drawn, color=color, label=f"{solution.label}  {solution.cost.show(solution.energy)}", lw=1.4)
     axes.set(xlabel="t [s]", ylabel="E_el [J]", title="Cumulated energy")
     axes.legend(fontsize=8)
 
@@ -130,7 +133,7 @@ def position_panel(axes: Any, solution: Solution) -> None:
     for i, label in enumerate(actuation.labels):
         color = COLORS[1 + i % (len(COLORS) - 1)]
         axes.plot(s.t, s.q[:, actuation.mechanism.actuated[i]], color=color, label=f"{label} joint", lw=1.3)
-        if actuation.drives[i].elastic:
+        if i in solution.motion.springs:
             axes.plot(s.t, s.q_M[:, i], "--", color=color, label=f"{label} motor", lw=1.1)
     unit = "rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "m"
     axes.set(xlabel="t [s]", ylabel=f"q_A, q_M [{unit}]", title=f"{solution.label}: positions")

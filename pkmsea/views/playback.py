@@ -99,7 +99,7 @@ def _pose(solution: Solution, robot: Any, data: Any, at: Any, q: np.ndarray, q_M
         node = robot.getViewerNodeName(shape, pin.GeometryType.VISUAL)
         scale = np.diag([*np.asarray(shape.meshScale).flatten(), 1.0])
         at[node].set_transform(robot.visual_data.oMg[i].homogeneous @ scale)
-    for i in actuation.elastic:
+    for i in solution.motion.springs:
         joint, angle = mechanism.actuated[i], q[mechanism.actuated[i]]
         placement, axis = _joint_frame(mechanism, data, joint, angle)
         reach = _reach(mechanism)
@@ -161,7 +161,7 @@ def _furnish(solution: Solution, visualizer: Any, scene: Any) -> None:
     actuation = solution.problem.actuation
     mechanism, reach = actuation.mechanism, _reach(actuation.mechanism)
     blue, orange = (meshcat.geometry.MeshLambertMaterial(color=color) for color in (ROTOR, SPRING))
-    for i in actuation.elastic:
+    for i in solution.motion.springs:
         node = scene[f"rotor/{i}"]
         if mechanism.revolute[mechanism.actuated[i]]:
             to_z = np.array(
@@ -220,12 +220,11 @@ def _shift(x: float, y: float, z: float) -> np.ndarray:
 def _caption(solution: Solution) -> str:
     actuation = solution.problem.actuation
     unit = "N m/rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "N/m"
-    springs = ", ".join(
-        f"{actuation.labels[i]} {c:.4g}" for i, c in zip(actuation.elastic, solution.stiffness, strict=True)
-    )
+    springs = ", ".join(f"{actuation.labels[i]} {c:.4g}" for i, c in solution.motion.springs.items())
+    energy = solution.cost.show(solution.energy)
     lines = [
         f"<b>{html.escape(solution.label)}</b>",
-        f"{solution.energy:.4g} J per cycle of {solution.problem.cycle.period:g} s, {html.escape(solution.status)}",
+        f"{energy} per cycle of {solution.problem.cycle.period:g} s, {html.escape(solution.status)}",
         f"springs [{unit}]: {html.escape(springs)}" if springs else "rigid drives",
         f"played {SLOW_MOTION:g} times slower; blue: rotors, orange: springs",
     ]

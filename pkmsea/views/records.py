@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from pkmsea.actuation.cost import ENERGY, Cost
 from pkmsea.errors import SolveError
 from pkmsea.paper import Row
 from pkmsea.solution import Solution
@@ -22,7 +23,7 @@ def ranked(results: Iterable[T], verified: Callable[[T], bool]) -> list[T]:
 
 
 def relative(solution: Solution, reference: Solution | None) -> float | None:
-    """Energy over that of the reference; None where that one has failed."""
+    """Value of the cost over that of the reference; None where that one has failed."""
     return None if reference is None else solution.energy / reference.energy
 
 
@@ -30,8 +31,10 @@ def solutions(
     solved: Iterable[Solution], reference: Solution | None, failures: Mapping[str, SolveError]
 ) -> list[dict[str, Any]]:
     """The setups of a task."""
-    found = [solution_record(s, reference) for s in ranked(solved, lambda s: s.verified)]
-    return found + [_failure(error, setup=name) for name, error in failures.items()]
+    first_verified = ranked(solved, lambda s: s.verified)
+    cost = first_verified[0].cost if first_verified else ENERGY
+    found = [solution_record(s, reference) for s in first_verified]
+    return found + [_failure(error, cost, setup=name) for name, error in failures.items()]
 
 
 def rows(found: Sequence[Row], failures: Mapping[tuple[int, str], SolveError]) -> list[dict[str, Any]]:
@@ -44,7 +47,7 @@ def rows(found: Sequence[Row], failures: Mapping[tuple[int, str], SolveError]) -
 def verifications(found: Mapping[str, Verification], failures: Mapping[str, SolveError]) -> list[dict[str, Any]]:
     """Verifications by the name of the result."""
     checked = [
-        {"result": name, "status": v.status, "verified": v.verified, **asdict(v)}
+        {"result": name, "status": v.status, "verified": v.verified, **_plain(v)}
         for name, v in ranked(found.items(), lambda item: item[1].verified)
     ]
     return checked + [_failure(error, result=name) for name, error in failures.items()]
@@ -55,8 +58,8 @@ def solution_record(solution: Solution, reference: Solution | None) -> dict[str,
     audit, optimality = solution.audit(), solution.optimality()
     return {
         "setup": solution.name,
-        "energy": solution.claimed,
-        "energy_true": solution.energy,
+        solution.cost.name: solution.claimed,
+        f"{solution.cost.name}_true": solution.energy,
         "ratio": relative(solution, reference),
         "reference_verified": None if reference is None else reference.verified,
         "stiffness": [float(c) for c in solution.stiffness],
@@ -75,6 +78,12 @@ def solution_record(solution: Solution, reference: Solution | None) -> dict[str,
     }
 
 
+def _plain(found: Verification) -> dict[str, Any]:
+    """A verification with its values under the name of their cost."""
+    fields = {key: value for key, value in asdict(found).items() if key != "cost"}
+    return {found.cost.name if key == "energy" else key: value for key, value in fields.items()}
+
+
 def failure_status(error: SolveError) -> str:
     """In place of a result's status."""
     return f"failed: {error.cause}"
@@ -86,5 +95,5 @@ def parallel_springs(solution: Solution) -> np.ndarray:
     return np.asarray(found[~np.isnan(found[:, 0])])
 
 
-def _failure(error: SolveError, **what: Any) -> dict[str, Any]:
-    return {**what, "energy_true": None, "ratio": None, "status": failure_status(error), "verified": False}
+def _failure(error: SolveError, cost: Cost = ENERGY, **what: Any) -> dict[str, Any]:
+    return {**what, f"{cost.name}_true": None, "ratio": None, "status": failure_status(error), "verified": False}

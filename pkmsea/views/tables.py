@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from pkmsea.actuation.cost import ENERGY, Cost
 from pkmsea.errors import SolveError
 from pkmsea.mechanism import Mechanism
 from pkmsea.mechanism.workspace import reach, size
@@ -39,14 +40,14 @@ class Report:
         self._tasks: dict[str, TaskID] = {}
         self._best: dict[str, float] = {}
 
-    def __call__(self, name: str, count: int) -> Callable[[Start], None]:
+    def __call__(self, name: str, count: int, cost: Cost = ENERGY) -> Callable[[Start], None]:
         if name not in self._tasks:
             self._tasks[name] = self._bars.add_task(name, total=count, best="")
             self._best[name] = np.inf
 
         def advance(start: Start) -> None:
             self._best[name] = min(self._best[name], start.energy)
-            best = f"best {self._best[name]:.4g} J" if np.isfinite(self._best[name]) else ""
+            best = f"best {cost.show(self._best[name])}" if np.isfinite(self._best[name]) else ""
             self._bars.update(self._tasks[name], advance=1, best=best)
 
         return advance
@@ -73,9 +74,11 @@ def print_solutions(
     """Setups side by side, the first one is the reference; what is not verified comes behind, what failed last."""
     doubtful = reference is not None and not reference.verified
     caption = f"* relative to '{reference.name}', which is not verified" if reference and doubtful else None
+    cost = solutions[0].cost
+    true, claimed = (f"{cost.symbol} {what} [{cost.unit}]" for what in ("true", "claimed"))
     table = Table(title=solutions[0].problem.title, box=box.SIMPLE_HEAD, caption=caption, caption_justify="left")
     for name, justify in (
-        ("setup", "left"), ("E true [J]", "right"), ("E claimed [J]", "right"), ("relative", "right"),
+        ("setup", "left"), (true, "right"), (claimed, "right"), ("relative", "right"),
         ("stiffness [N m/rad, N/m]", "left"), ("optima", "left"), ("time [s]", "right"), ("status", "left"),
     ):  # fmt: skip
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
@@ -92,8 +95,11 @@ def print_solutions(
 def print_verifications(found: Mapping[str, Verification], failures: Mapping[str, SolveError]) -> None:
     """Results side by side, those not verified behind, and under the table what speaks against them."""
     table = Table(title="forward simulation", box=box.SIMPLE_HEAD)
+    costs = {v.cost: None for v in found.values()} or {ENERGY: None}
+    E, unit = (" or ".join(getattr(cost, key) for cost in costs) for key in ("symbol", "unit"))
+    values = f"{E} [{unit}]", f"{E} simulated [{unit}]"
     for heading in (
-        "result", "E [J]", "E simulated [J]", "gap", "end effector [m]", "motors [rad, m]", "loops [m]", "balance",
+        "result", *values, "gap", "end effector [m]", "motors [rad, m]", "loops [m]", "balance",
         "feedback", "singularity", "KKT", "optimum", "status",
     ):  # fmt: skip
         table.add_column(heading, justify="left" if heading in ("result", "optimum", "status") else "right")

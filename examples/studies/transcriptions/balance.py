@@ -63,7 +63,7 @@ class EnergyBalance(StageScheme):
     degree = 5
 
     def __init__(self, problem: Problem, size: int) -> None:
-        super().__init__(problem)
+        super().__init__(problem, size)
         s, m, period = problem.actuation.mechanism, problem.actuation.m, problem.cycle.period
         n, delta = s.model.nq, s.mobility
         self.basis, self.points, self.head = SplineBasis(period, size, self.degree), size, delta * size
@@ -91,7 +91,7 @@ class EnergyBalance(StageScheme):
         layout = Layout(index, T, np.full(size, period / size))
         self.stages = StageNlp(build(problem), layout, numbers(problem, period / size), box, rows)
 
-    def start(self, motion: Motion) -> np.ndarray:
+    def transfer(self, motion: Motion) -> np.ndarray:
         knots = np.hstack(sampled(self.problem, motion, self.t, ("q", "q_M")))
         return np.concatenate([self._fitted(motion), np.log(motion.stiffness), knots.ravel()])
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scheme import Scheme
+from scheme import KNOTS
 
 from pkmsea.paper.reproduce import paper_task
 from pkmsea.problem import Problem, build_problem
@@ -23,7 +25,7 @@ DRIVES: dict[str, dict[str, float]] = {
 }  # fmt: skip
 LOSSES = (10.0, 63.22)  # kappa [W/(N m)^2]
 SIZES = (50, 100, 200, 400)
-STARTS, KNOTS = 4, 25  # of the default, whose best optimum is where all schemes begin
+STARTS = 4  # of the default, whose best optimum is where all schemes begin
 ITERATIONS, SECONDS = 150, 30.0  # per step of the sharpening, and for all steps of a solve
 
 
@@ -65,11 +67,13 @@ def shared_start(problem: Problem) -> Motion:
     return min(motions, key=lambda motion: audit(problem, motion, 0.0)[0].energy)
 
 
-def run(problem: Problem, kappa: float, drives: str, kind: type[Scheme], size: int, start: Motion) -> Run:
+def run(
+    problem: Problem, kappa: float, drives: str, kind: Callable[[Problem, int], Any], size: int, start: Motion
+) -> Run:
     """Solve; where the last steps of the sharpening do not converge, as far as they do."""
-    scheme = kind(problem, size)  # type: ignore[call-arg]
-    x = scheme.start(start)
-    nlp = scheme.nlp(x)
+    scheme = kind(problem, size)
+    x = scheme.transfer(start)
+    nlp = scheme.nlp(x, limited=False)
     options = problem.options.model_copy(update={"iterations": ITERATIONS, "time_limit": SECONDS})
     begin = time.perf_counter()
     for steps in range(nlp.steps, 0, -1):
@@ -77,13 +81,13 @@ def run(problem: Problem, kappa: float, drives: str, kind: type[Scheme], size: i
         if point.outcome is Outcome.OPTIMAL or time.perf_counter() - begin > SECONDS:
             break
     seconds = time.perf_counter() - begin
-    claimed = scheme.claimed(point.x)
+    claimed = scheme.energy(point.x)
     try:
         result, _ = audit(problem, scheme.motion(point.x), claimed)
         true, window = result.energy, result.window
     except (FloatingPointError, ArithmeticError):
         true, window = np.nan, np.nan
     return Run(
-        kappa, drives, kind.__name__, size, scheme.points, scheme.unknowns, claimed, true, window, str(point.outcome),
-        steps, sum(point.iterations), seconds,
+        kappa, drives, type(scheme).__name__, size, scheme.points, scheme.unknowns, claimed, true, window,
+        str(point.outcome), steps, sum(point.iterations), seconds,
     )  # fmt: skip

@@ -43,7 +43,7 @@ class Radau(StageScheme):
     degree = 3
 
     def __init__(self, problem: Problem, size: int) -> None:
-        super().__init__(problem)
+        super().__init__(problem, size)
         mechanism, m, period = problem.actuation.mechanism, problem.actuation.m, problem.cycle.period
         n, delta, d = mechanism.model.nq, mechanism.mobility, self.degree
         intervals = aligned(problem, size / d)
@@ -71,7 +71,7 @@ class Radau(StageScheme):
         layout = Layout(np.hstack([node, previous, inside, theta]), T, weight)
         self.stages = StageNlp(build(problem), layout, numbers(problem, h), box, None)
 
-    def start(self, motion: Motion) -> np.ndarray:
+    def transfer(self, motion: Motion) -> np.ndarray:
         q, v, q_M, v_M, tau = sampled(self.problem, motion, self.t, ("q", "v", "q_M", "v_M", "tau"))
         v_ind = v[:, self.problem.actuation.mechanism.independent]
         return np.concatenate([np.log(motion.stiffness), np.hstack([q, v_ind, q_M, v_M, tau]).ravel()])

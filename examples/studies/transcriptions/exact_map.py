@@ -63,7 +63,7 @@ class ExactMap(StageScheme):
     degree, gauss = 5, 0
 
     def __init__(self, problem: Problem, size: int) -> None:
-        super().__init__(problem)
+        super().__init__(problem, size)
         mechanism, m, period = problem.actuation.mechanism, problem.actuation.m, problem.cycle.period
         self.basis, self.head = SplineBasis(period, size, self.degree), mechanism.mobility * size
         at, weight = np.polynomial.legendre.leggauss(self.gauss) if self.gauss else (np.array([-1.0]), np.array([2.0]))
@@ -92,7 +92,7 @@ class ExactMap(StageScheme):
         theta = np.broadcast_to(self.head + np.arange(m), (self.points, m))
         return np.hstack([*(used + axis * basis.knots for axis in range(delta)), theta]), T
 
-    def start(self, motion: Motion) -> np.ndarray:
+    def transfer(self, motion: Motion) -> np.ndarray:
         x = np.zeros(self.unknowns)
         x[: self.head] = self._fitted(motion)
         x[self.head : self.head + self.problem.actuation.m] = np.log(motion.stiffness)

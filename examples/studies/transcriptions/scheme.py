@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
+from typing import Any
 
 import numpy as np
 from stages import StageNlp
 
+from pkmsea.actuation.cost import SHARPENING
 from pkmsea.problem import Problem
-from pkmsea.transcription import Motion
+from pkmsea.task import Spline
+from pkmsea.transcription import Motion, Transcription
 from pkmsea.transcription.bases import Basis, SplineBasis
-from pkmsea.transcription.flat import SHARPENING
+from pkmsea.transcription.default import FlatTranscription
 from pkmsea.transcription.nlp import Nlp, Variable
 
+KNOTS = 25  # of the default, where starts are made and the shared one is solved
 DEGREE = 7  # of the splines through the nodes of schemes that know r_E only there
 
 
-class Scheme(ABC):
+class Scheme(Transcription):
     """A transcription of the problem of a fully actuated robot with elastic drives, free of limits.
 
+    It comes through pkmsea's own door (`pkmsea.transcription.base`): `solve(scheme)` solves, audits and stores it, too.
     `points` instants per period at which the cost is evaluated, `unknowns` entries of x.
     """
 
@@ -26,24 +31,28 @@ class Scheme(ABC):
     points: int
     unknowns: int
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, size: int) -> None:
+        super().__init__(problem)
+        self.size = size
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.problem, self.size)
+
+    @property
+    def samples(self) -> int:
+        return self.points
+
+    def start(self, rng: np.random.Generator | None) -> np.ndarray:
+        """The x nearest to a first motion of the default."""
+        default = FlatTranscription(self.problem, Spline(kind="spline", knots=KNOTS), None)
+        return self.transfer(default.motion(default.start(rng)))
+
+    def within_limits(self, x: np.ndarray) -> bool:
+        return True
 
     @abstractmethod
-    def start(self, motion: Motion) -> np.ndarray:
+    def transfer(self, motion: Motion) -> np.ndarray:
         """The x nearest to a motion."""
-
-    @abstractmethod
-    def nlp(self, x: np.ndarray) -> Nlp:
-        """The NLP, started at x; its steps sharpen the kink of the positive part."""
-
-    @abstractmethod
-    def claimed(self, x: np.ndarray) -> float:
-        """The energy as the scheme sees it, with the exact positive part [J]."""
-
-    @abstractmethod
-    def motion(self, x: np.ndarray) -> Motion:
-        """The motion that x stands for."""
 
 
 class StageScheme(Scheme):
@@ -53,17 +62,17 @@ class StageScheme(Scheme):
     basis: Basis
     stages: StageNlp
 
-    def nlp(self, x: np.ndarray) -> Nlp:
+    def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
         free, low, high = np.full(x.size, np.inf), np.full(x.size, -np.inf), np.full(x.size, np.inf)
         theta = slice(self.head, self.head + self.problem.actuation.m)
         low[theta], high[theta] = np.log([drive.stiffness_range for drive in self.problem.actuation.drives]).T
         return self.stages.nlp((Variable("x", low, high, np.ones_like(free), x),), self._width, len(SHARPENING))
 
-    def claimed(self, x: np.ndarray) -> float:
+    def energy(self, x: np.ndarray) -> float:
         return self.stages.cost(x, 0.0)
 
     def _width(self, step: int, x: np.ndarray) -> np.ndarray:
-        return np.array([SHARPENING[step] * self.claimed(x) / self.problem.cycle.period])
+        return np.array([self.problem.cost.smoothing(step, self.energy(x), self.problem.cycle.period)])
 
     def _fitted(self, motion: Motion) -> np.ndarray:
         """Coefficients of r_E nearest to a motion, axis by axis."""

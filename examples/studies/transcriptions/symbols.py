@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from pkmsea.actuation.cost import ENERGY, positive
 from pkmsea.problem import Problem
 
 
@@ -22,11 +23,12 @@ class Symbols:
 
     def energy_rate(self, tau: ca.SX, v_M: ca.SX) -> ca.SX:
         """Smoothed positive part of the bus power."""
-        return self.positive(ca.dot(tau, v_M) + ca.dot(self.kappa, tau**2))
+        numbers = [{"copper_loss": kappa} for kappa in ca.vertsplit(self.kappa)]
+        return ENERGY.rate(ca.vertsplit(tau), ca.vertsplit(v_M), numbers, self.eps)
 
     def positive(self, P: ca.SX) -> ca.SX:
         """Smoothed positive part."""
-        return (P + ca.sqrt(P**2 + self.eps**2)) / 2
+        return positive(P, self.eps)
 
     def load(self, q: ca.SX, v_ind: ca.SX, a_ind: ca.SX, q_M: ca.SX) -> ca.SX:
         """M a_ind + g - H_A^T C (q_M - q_A)."""

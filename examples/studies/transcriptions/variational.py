@@ -56,7 +56,7 @@ class Variational(StageScheme):
     title = "discrete mechanics"
 
     def __init__(self, problem: Problem, size: int) -> None:
-        super().__init__(problem)
+        super().__init__(problem, size)
         mechanism, m, period = problem.actuation.mechanism, problem.actuation.m, problem.cycle.period
         n, delta = mechanism.model.nq, mechanism.mobility
         self.points = K = aligned(problem, size)
@@ -72,7 +72,7 @@ class Variational(StageScheme):
         layout = Layout(index, T, np.full(K, h))
         self.stages = StageNlp(build(problem), layout, numbers(problem, h), box, None)
 
-    def start(self, motion: Motion) -> np.ndarray:
+    def transfer(self, motion: Motion) -> np.ndarray:
         q, q_M = sampled(self.problem, motion, self.t, ("q", "q_M"))
         (tau,) = sampled(self.problem, motion, self.t + self.t[1] / 2, ("tau",))
         lam = np.zeros((self.points, q.shape[1] - len(self.problem.span)))
