@@ -13,14 +13,14 @@ from pkmsea.actuation.equations import free_coordinates, stage
 from pkmsea.actuation.flat_batch import FlatBatch
 from pkmsea.errors import InputError, MechanismError
 from pkmsea.mechanism import Mechanism, load_mechanism
+from pkmsea.motion import Motion
+from pkmsea.motion.bases import SplineBasis
+from pkmsea.motion.poses import Poses
+from pkmsea.motion.series import series
 from pkmsea.problem import build_problem
-from pkmsea.solution.audit import series
 from pkmsea.task.payload import Payload
-from pkmsea.transcription import Motion
-from pkmsea.transcription.bases import SplineBasis
 from pkmsea.transcription.guess import path
 from pkmsea.transcription.instants import Instants
-from pkmsea.transcription.poses import Poses
 
 # every mixture that a robot of the paper allows
 MIXTURES = [

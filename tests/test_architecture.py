@@ -13,7 +13,7 @@ import pkmsea
 
 ORDER = (
     "errors", "files", "ending", "bridge", "kernels", "description", "mechanism", "actuation", "task", "problem",
-    "transcription",
+    "motion", "transcription",
     "solver", "solution", "verification", "study", "paper", "new", "views", "cli",
 )  # fmt: skip
 ROOT = Path(pkmsea.__file__).parent

@@ -16,10 +16,10 @@ from test_cli import expect, run
 
 import pkmsea
 from pkmsea.errors import InputError, PkmseaError, Unverified
+from pkmsea.motion.periodic import derivative
+from pkmsea.motion.series import series
 from pkmsea.solution import Solution, solve
-from pkmsea.solution.audit import series
 from pkmsea.solution.feedforward import LARGEST, Sampling
-from pkmsea.transcription.damping import derivative
 from pkmsea.verification.drives import Drives
 from pkmsea.verification.dynamics import Robot
 

@@ -8,11 +8,11 @@ import pytest
 from conftest import ELASTIC, RIGID, task
 
 from pkmsea.mechanism import load_mechanism
+from pkmsea.motion import Motion
+from pkmsea.motion.bases import SplineBasis
+from pkmsea.motion.series import series
 from pkmsea.problem import build_problem
 from pkmsea.solution import solve
-from pkmsea.solution.audit import series
-from pkmsea.transcription import Motion
-from pkmsea.transcription.bases import SplineBasis
 
 
 @pytest.fixture

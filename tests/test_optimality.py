@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, task
 
+from pkmsea.motion import Motion
 from pkmsea.problem import build_problem
 from pkmsea.solution import Solution, solve
 from pkmsea.solver import Optimality, Outcome, Start, optima, optimality
 from pkmsea.solver.optimality import _derivatives, _gradient, _sides, fit
-from pkmsea.transcription import Motion
 from pkmsea.transcription.nlp import Nlp, Variable
 from pkmsea.verification import verify
 

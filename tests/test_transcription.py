@@ -5,13 +5,15 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, FRICTION, PARALLEL, RIGID, SLIDER_ELASTIC, task
 
+from pkmsea.motion import Basis
+from pkmsea.motion.bases import FourierBasis, SplineBasis
+from pkmsea.motion.periodic import derivative_weights
 from pkmsea.paper import paper_task
 from pkmsea.problem import Problem, build_problem
 from pkmsea.solution import solve
 from pkmsea.solver.ipopt import solve_nlp
 from pkmsea.task import Spline
 from pkmsea.transcription import TRANSCRIPTIONS, transcribe
-from pkmsea.transcription.bases import Basis, FourierBasis, SplineBasis, derivative_weights
 from pkmsea.transcription.default import FlatTranscription
 from pkmsea.transcription.flat import FlatNlp
 from pkmsea.transcription.guess import start

@@ -10,13 +10,15 @@ import numpy as np
 
 from pkmsea.actuation import NUMBERS as NUMBERS_OF_DRIVES
 from pkmsea.actuation import flat_map
+from pkmsea.motion import Motion
+from pkmsea.motion.bases import SplineBasis
+from pkmsea.motion.series import Series, series
 from pkmsea.paper.reproduce import paper_task
 from pkmsea.problem import Problem, build_problem
-from pkmsea.solution.audit import Series, audit, series
+from pkmsea.solution.audit import audit
 from pkmsea.solver.ipopt import solve_nlp
 from pkmsea.task import Chain, Options, Spline
-from pkmsea.transcription import Motion, Transcription, transcribe
-from pkmsea.transcription.bases import SplineBasis
+from pkmsea.transcription import Transcription, transcribe
 
 __all__ = ["Motion", "Problem", "Series", "series", "transcribe"]
 

@@ -1,8 +1,9 @@
 """Two versions of pkmsea in turns on one machine: time per iteration, and whole commands from an empty home.
 
-python examples/benchmarks/versions.py OLD/bin/python NEW/bin/python [--runs 3] [--only iteration] [--task TASK]
+python examples/benchmarks/versions.py OLD NEW [--runs 3] [--only iteration] [--task TASK]
 
-Both interpreters have their pkmsea installed. Prints medians and the ratio new / old; a task file adds its `solve`.
+OLD and NEW are checkouts, each with its pkmsea installed in its own .venv. Prints medians and the ratio new / old; a
+task file adds its `solve`.
 """
 
 from __future__ import annotations
@@ -17,28 +18,32 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
 
-HERE = Path(__file__).parent
+BENCHMARKS = Path("examples") / "benchmarks"
 ITERATIONS = {"setup": ("PKM SEA", "RAPKM SEA"), "table": (2, 3)}
 CASE = {"kind": "flat", "samples": 200, "iterations": 300, "limit": 300.0, "starts": 5}
 GRIDS = (200, 3200)
-GEOMETRIES = HERE.parent / "studies" / "base_geometry" / "study.yaml"
+GEOMETRIES = Path("examples") / "studies" / "base_geometry" / "study.yaml"
 PATIENCE = 3600.0  # [s]
 
 
-def iteration(python: str, setup: str, table: int, samples: int = CASE["samples"]) -> float:
+def iteration(checkout: Path, setup: str, table: int, samples: int = CASE["samples"]) -> float:
     """Median time per iteration over the starts [ms]."""
     case = CASE | {"setup": setup, "table": table, "samples": samples}
-    lines = run([python, str(HERE / "case.py"), json.dumps(case)]).splitlines()
+    lines = run([python_of(checkout), str(checkout / BENCHMARKS / "case.py"), json.dumps(case)]).splitlines()
     runs = json.loads(lines[-1])["runs"]
     return 1e3 * median(run["seconds"] / run["iterations"] for run in runs)
 
 
-def command(python: str, *words: str) -> float:
+def command(checkout: Path, *words: str) -> float:
     """Wall time of a pkmsea command in an empty home [s]."""
     with tempfile.TemporaryDirectory() as home:
         begin = time.perf_counter()
-        run([python, "-m", "pkmsea", *words, "-o", f"{home}/out"], home)
+        run([python_of(checkout), "-m", "pkmsea", *words, "-o", f"{home}/out"], home)
         return time.perf_counter() - begin
+
+
+def python_of(checkout: Path) -> str:
+    return str(checkout / ".venv" / "bin" / "python")
 
 
 def run(words: list[str], home: str | None = None) -> str:
@@ -53,37 +58,42 @@ def run(words: list[str], home: str | None = None) -> str:
     return done.stdout
 
 
-def measures(task: Path | None) -> Iterator[tuple[str, str, Callable[[str], float]]]:
+def measures(task: Path | None) -> Iterator[tuple[str, str, Callable[[Path], float]]]:
     """Kind, name and measurement."""
     for table in ITERATIONS["table"]:
         for setup in ITERATIONS["setup"]:
             name = f"{setup}, table {table} [ms an iteration]"
-            yield "iteration", name, lambda python, s=setup, t=table: iteration(python, s, t)
-    yield "grid", f"PKM SEA, table 3, {GRIDS[1]} points [ms]", lambda python: iteration(python, "PKM SEA", 3, GRIDS[1])
-    yield "reproduce", "reproduce [s]", lambda python: command(python, "reproduce")
-    yield "study", "study of base geometries [s]", lambda python: command(python, "study", str(GEOMETRIES))
+            yield "iteration", name, lambda version, s=setup, t=table: iteration(version, s, t)
+    yield (
+        "grid",
+        f"PKM SEA, table 3, {GRIDS[1]} points [ms]",
+        lambda version: iteration(version, "PKM SEA", 3, GRIDS[1]),
+    )
+    yield "reproduce", "reproduce [s]", lambda version: command(version, "reproduce")
+    yield "study", "study of base geometries [s]", lambda version: command(version, "study", str(version / GEOMETRIES))
     if task is not None:
-        yield "solve", f"solve {task.name} [s]", lambda python: command(python, "solve", str(task.resolve()))
+        yield "solve", f"solve {task.name} [s]", lambda version: command(version, "solve", str(task.resolve()))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("old")
-    parser.add_argument("new")
+    parser.add_argument("old", type=Path)
+    parser.add_argument("new", type=Path)
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--only", action="append", help="iteration, grid, reproduce, study or solve; repeatable")
     parser.add_argument("--task", type=Path)
     asked = parser.parse_args()
-    asked.old, asked.new = (os.path.abspath(python) for python in (asked.old, asked.new))
+    old, new = asked.old.resolve(), asked.new.resolve()
     print(f"{'measured':48}{'old':>9}{'new':>9}{'ratio':>8}   pairs")
     for kind, name, measure in measures(asked.task):
         if asked.only and kind not in asked.only:
             continue
-        pairs = [(measure(asked.old), measure(asked.new)) for _ in range(asked.runs)]
-        old, new = (median(column) for column in zip(*pairs, strict=True))
+        pairs = [(measure(old), measure(new)) for _ in range(asked.runs)]
+        before, after = (median(column) for column in zip(*pairs, strict=True))
         ratios = sorted(b / a for a, b in pairs)
         print(
-            f"{name:48}{old:9.2f}{new:9.2f}{median(ratios):8.2f}   {' '.join(f'{r:.2f}' for r in ratios)}", flush=True
+            f"{name:48}{before:9.2f}{after:9.2f}{median(ratios):8.2f}   {' '.join(f'{r:.2f}' for r in ratios)}",
+            flush=True,
         )
 
 

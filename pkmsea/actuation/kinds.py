@@ -40,7 +40,7 @@ class Kind(ABC):
     rows : (output, order of its time derivative) of every entry of z_s.
     sprung : whether it has a stiffness c.
     remembers : whether its deflection depends on the past of its force, c e + d_s de/dt = u; q_M, v_M and tau are then
-        those without the damping until `pkmsea.transcription.damping` puts it in.
+        those without the damping until `pkmsea.motion.damping` puts it in.
     reluctance : how many times better conditioned it must leave the other drives' forces, relative to a sprung one, to
         be free.
     """

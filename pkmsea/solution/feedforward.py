@@ -15,8 +15,8 @@ import numpy as np
 import xarray as xr
 
 from pkmsea.errors import InputError
+from pkmsea.motion.series import POINTS, Series, series
 from pkmsea.problem import Cost, Problem
-from pkmsea.solution.audit import POINTS, Series, series
 from pkmsea.solution.solution import Solution
 
 FORMAT = "pkmsea feed-forward 1"

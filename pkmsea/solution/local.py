@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pkmsea.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.solution.refine import Mesh
 from pkmsea.solver.optimality import Optimality, last_parameter, optimality
-from pkmsea.transcription import Motion, transcribe_on
+from pkmsea.transcription import transcribe_on
 
 SAME = 1e-9  # relative change of coefficients and stiffnesses on their way to the mesh: rounding
 

@@ -6,10 +6,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pkmsea.motion import Motion
 from pkmsea.solution.audit import Audit, audit
 from pkmsea.solver import Outcome, Start
 from pkmsea.solver.multistart import SHARPENING, improve
-from pkmsea.transcription import Motion, Transcription
+from pkmsea.transcription import Transcription
 
 SOFTER = slice(1, None)  # steps of the second try, where sharpening at once fails
 

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from pkmsea.errors import SolveError, one_line
+from pkmsea.motion import Motion
+from pkmsea.motion.series import Series
 from pkmsea.problem import Cost, Problem
-from pkmsea.solution.audit import Audit, Series, audit
+from pkmsea.solution.audit import Audit, audit
 from pkmsea.solution.local import optimality_of
 from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Optimality, Optimum, Start, optima
-from pkmsea.transcription import TRANSCRIPTIONS, Motion
+from pkmsea.transcription import TRANSCRIPTIONS
 
 STATED = 1e-6  # difference of a file's energy from the recomputed one, relative like the audit's gap
 

@@ -21,14 +21,14 @@ from pkmsea.actuation import Actuation
 from pkmsea.actuation.cost import positive
 from pkmsea.errors import InputError, blaming
 from pkmsea.files import Record, is_file, write_whole
+from pkmsea.motion import Basis, Motion
+from pkmsea.motion.bases import make_basis
+from pkmsea.motion.series import series
 from pkmsea.problem import build_problem, task_of
-from pkmsea.solution.audit import series
 from pkmsea.solution.solution import Mesh, Solution
 from pkmsea.solver import Outcome, Start
 from pkmsea.task import Task
 from pkmsea.task.task import Trajectory
-from pkmsea.transcription import Motion
-from pkmsea.transcription.bases import Basis, make_basis
 
 FORMAT = "pkmsea result 1"
 POINTS = 1000  # of the stored series, per period, at least

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmsea.motion import Motion
 from pkmsea.solver.ipopt import Outcome, solve_nlp
 from pkmsea.solver.spread import collect, spread
-from pkmsea.transcription import Motion, Transcription
+from pkmsea.transcription import Transcription
 
 SCREENING, SHARPENING, LAST = slice(0, 2), slice(2, None), slice(-1, None)  # of an NLP's steps
 CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that need more end badly

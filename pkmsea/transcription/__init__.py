@@ -1,13 +1,12 @@
 """Making a problem finite: bases, the flat transcription with its exact derivatives, and the paper's own."""
 
+from pkmsea.motion import Basis
 from pkmsea.problem import Problem
 from pkmsea.transcription.base import Transcription
-from pkmsea.transcription.bases import Basis
 from pkmsea.transcription.default import FlatTranscription
-from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.paper import PaperTranscription
 
-__all__ = ["TRANSCRIPTIONS", "Motion", "Transcription", "transcribe", "transcribe_on"]
+__all__ = ["TRANSCRIPTIONS", "Transcription", "transcribe", "transcribe_on"]
 
 TRANSCRIPTIONS: dict[str, type[Transcription]] = {"flat": FlatTranscription, "paper": PaperTranscription}
 

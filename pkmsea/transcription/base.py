@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from pkmsea.errors import one_line
+from pkmsea.motion import Basis
+from pkmsea.motion.motion import Motion
 from pkmsea.problem import Problem
-from pkmsea.transcription.bases import Basis
-from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp
 
 

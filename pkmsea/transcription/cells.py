@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmsea.transcription.bases import Basis
+from pkmsea.motion import Basis
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from pkmsea.motion import Basis
+from pkmsea.motion.bases import make_basis
+from pkmsea.motion.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.task.task import Trajectory
 from pkmsea.transcription import guess
 from pkmsea.transcription.base import Transcription
-from pkmsea.transcription.bases import Basis, make_basis
 from pkmsea.transcription.flat import FlatNlp
-from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp
 from pkmsea.transcription.windows import narrowed
 

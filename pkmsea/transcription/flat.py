@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.actuation.cost import SHARPENING
+from pkmsea.motion import Basis
 from pkmsea.problem import Bound, Problem
-from pkmsea.transcription.bases import Basis
 from pkmsea.transcription.nlp import Callback, Nlp, Variable
 from pkmsea.transcription.pattern import Pattern
 from pkmsea.transcription.robot import RobotOnGrid

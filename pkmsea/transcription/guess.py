@@ -6,8 +6,9 @@ import numpy as np
 
 from pkmsea.actuation.equations import free_coordinates
 from pkmsea.kernels import Batch
+from pkmsea.motion import Basis
+from pkmsea.motion.bases import SplineBasis
 from pkmsea.problem import Problem
-from pkmsea.transcription.bases import Basis, SplineBasis
 from pkmsea.transcription.robot import RobotOnGrid
 from pkmsea.transcription.windows import window_times
 

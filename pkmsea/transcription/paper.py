@@ -17,11 +17,12 @@ from pkmsea.actuation.cost import ENERGY, bus_power, positive
 from pkmsea.actuation.flat_map import flat_map_of_columns
 from pkmsea.errors import InputError
 from pkmsea.mechanism import pose
+from pkmsea.motion import Basis
+from pkmsea.motion.bases import BASES, SplineBasis, make_basis
+from pkmsea.motion.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.transcription import guess
 from pkmsea.transcription.base import Transcription
-from pkmsea.transcription.bases import BASES, Basis, SplineBasis, make_basis
-from pkmsea.transcription.motion import Motion
 from pkmsea.transcription.nlp import Nlp, Variable
 from pkmsea.transcription.robot import RobotOnGrid
 

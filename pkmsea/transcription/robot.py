@@ -16,11 +16,12 @@ from pkmsea.actuation import Actuation
 from pkmsea.actuation.signals import rows
 from pkmsea.bridge import _bridge
 from pkmsea.mechanism import pose
-from pkmsea.transcription.bases import Basis, derivative_weights
+from pkmsea.motion import Basis
+from pkmsea.motion.damping import DampedSprings
+from pkmsea.motion.periodic import derivative_weights
+from pkmsea.motion.poses import Poses, poses_along
 from pkmsea.transcription.cells import make_cells
-from pkmsea.transcription.damping import DampedSprings
 from pkmsea.transcription.instants import Instants
-from pkmsea.transcription.poses import Poses, poses_along
 
 HALF_WIDTH = 4  # of the difference stencils: order 8
 BISECTIONS = 6  # of the way from the last trajectory to a new one, where Newton does not reach it at once

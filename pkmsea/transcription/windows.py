@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
+from pkmsea.motion import Basis
 from pkmsea.problem import Problem
 from pkmsea.task import Window
-from pkmsea.transcription.bases import Basis
 
 CURVATURE = 6.0  # of a path within a window, by trial: it leaves a sampled window by this times (spacing / length)^2
 LIMIT_MARGIN = 1e-3  # of a limit, left for what happens between two samples

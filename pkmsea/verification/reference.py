@@ -11,10 +11,10 @@ import xarray as xr
 from scipy.interpolate import BSpline, make_interp_spline
 
 from pkmsea.errors import InputError
+from pkmsea.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.solution import Solution
 from pkmsea.solution.store import load, numbers, read_dataset, to_dataset
-from pkmsea.transcription import Motion
 from pkmsea.verification.drives import Drives
 
 DEGREE = 5  # of the periodic splines through the samples

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from scheme import KNOTS
 
+from pkmsea.motion import Motion
 from pkmsea.paper.reproduce import paper_task
 from pkmsea.problem import Problem, build_problem
 from pkmsea.solution.audit import audit
 from pkmsea.solver import Outcome, multistart
 from pkmsea.solver.ipopt import solve_nlp
 from pkmsea.task import Spline
-from pkmsea.transcription import Motion
 from pkmsea.transcription.default import FlatTranscription
 
 FRICTION, HIGH_INERTIA = 4.791e-3, 4.674e-4  # [N m s/rad], [kg m^2]; calibrated on the rigid rows of the paper

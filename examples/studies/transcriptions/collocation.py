@@ -18,8 +18,8 @@ from scheme import StageScheme
 from stages import StageNlp
 from symbols import Symbols, numbers
 
+from pkmsea.motion import Motion
 from pkmsea.problem import Problem
-from pkmsea.transcription import Motion
 
 
 @lru_cache(maxsize=1)

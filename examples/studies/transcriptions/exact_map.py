@@ -20,9 +20,9 @@ from stages import StageNlp
 from symbols import Symbols, numbers
 
 from pkmsea.mechanism import pose
+from pkmsea.motion import Motion
+from pkmsea.motion.bases import SplineBasis
 from pkmsea.problem import Problem
-from pkmsea.transcription import Motion
-from pkmsea.transcription.bases import SplineBasis
 from pkmsea.transcription.windows import linear_rows
 
 ORDERS, FORCES = 5, 3  # of q and F, with their derivatives

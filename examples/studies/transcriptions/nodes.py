@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmsea.motion import Motion
+from pkmsea.motion.series import Series, series
 from pkmsea.problem import Problem
-from pkmsea.solution.audit import Series, series
-from pkmsea.transcription import Motion
 from pkmsea.transcription.windows import sampled_deviation
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from stages import StageNlp
 
 from pkmsea.actuation.cost import SHARPENING
+from pkmsea.motion import Basis, Motion
+from pkmsea.motion.bases import SplineBasis
 from pkmsea.problem import Problem
 from pkmsea.task import Spline
-from pkmsea.transcription import Motion, Transcription
-from pkmsea.transcription.bases import Basis, SplineBasis
+from pkmsea.transcription import Transcription
 from pkmsea.transcription.default import FlatTranscription
 from pkmsea.transcription.nlp import Nlp, Variable
 

@@ -9,27 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from pkmsea.actuation import Actuation
-
-
-def frequencies(period: float, samples: int) -> np.ndarray:
-    """Angular frequencies of the real Fourier transform of a periodic grid [rad/s]."""
-    return np.asarray(2 * np.pi / period * np.arange(samples // 2 + 1))
-
-
-def derivative(values: np.ndarray, period: float, order: int) -> np.ndarray:
-    """Time derivative of samples (k, ...) of one period, by Fourier transform."""
-    factor = (1j * frequencies(period, values.shape[0])) ** order
-    return np.asarray(np.fft.irfft(factor[:, None] * np.fft.rfft(values, axis=0), values.shape[0], axis=0))
+from pkmsea.motion.periodic import filtered, frequencies
 
 
 def compliance(c: float, damping: float, omega: np.ndarray) -> np.ndarray:
     """K = 1 / (c + i w d_s) [rad/(N m), m/N] at angular frequencies w."""
     return np.asarray(1.0 / (c + 1j * omega * damping))
-
-
-def filtered(gain: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Samples of one period (samples,) through a filter that is given by its gains at their frequencies."""
-    return np.asarray(np.fft.irfft(gain * np.fft.rfft(values), values.size))
 
 
 class DampedSprings:

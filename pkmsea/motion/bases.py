@@ -133,15 +133,3 @@ def make_basis(trajectory: Trajectory, period: float) -> Basis:
     if trajectory.kind not in BASES:
         raise TypeError("a chain of integrators has no basis; it is transcribed by multiple shooting")
     return BASES[trajectory.kind](period, **trajectory.model_dump(exclude={"kind"}))
-
-
-def derivative_weights(order: int, half_width: int) -> np.ndarray:
-    """Central difference weights for d^order/dt^order on a unit grid, exact to polynomial degree 2 half_width.
-
-    Fornberg's formula by a Vandermonde solve; offsets run from -half_width to half_width.
-    """
-    offsets = np.arange(-half_width, half_width + 1, dtype=float)
-    powers = np.vander(offsets, increasing=True).T
-    right = np.zeros(offsets.size)
-    right[order] = float(np.prod(np.arange(1, order + 1)))
-    return np.asarray(np.linalg.solve(powers, right))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pkmsea.actuation import Actuation
-from pkmsea.transcription.bases import Basis
+from pkmsea.motion.bases import Basis
 
 
 @dataclass(frozen=True, eq=False)
