@@ -4,6 +4,7 @@ The public names; each is imported when it is first used, so that `import pkmsea
 """
 
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -45,6 +46,12 @@ __all__ = [
     "load_mechanism", "load_solution", "load_study", "load_task", "run_study", "solve", "solve_all", "transcribe",
     "verify",
 ]  # fmt: skip
+
+
+try:
+    __version__ = version("pkmsea")
+except PackageNotFoundError:  # the sources alone
+    __version__ = "unknown"
 
 
 def __getattr__(name: str) -> Any:

@@ -19,6 +19,25 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from pkmsea import __version__
+
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+) -> None:
+    """Energy-optimal motion and spring stiffness of robots with series elastic drives, from a URDF."""
+
+
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON.")]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result files, figures and playback pages.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: the cores at hand.")]
