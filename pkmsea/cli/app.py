@@ -20,7 +20,6 @@ app = typer.Typer(
 )
 
 
-
 def _tell_version(asked: bool) -> None:
     if asked:
         from pkmsea import __version__

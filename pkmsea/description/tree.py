@@ -14,10 +14,19 @@ TYPES = ("revolute", "continuous", "prismatic", "fixed")
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 SIZES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}, "mesh": {}}
 HOME = {  # where an element stands; elsewhere, or for the second time, it would be overlooked
-    "link": ("robot",), "joint": ("robot",), "visual": ("link",), "inertial": ("link",), "mass": ("inertial",),
-    "inertia": ("inertial",), "parent": ("joint",), "child": ("joint",), "axis": ("joint",), "limit": ("joint",),
-    "mimic": ("joint",), "origin": ("joint", "inertial", "visual", "collision"),
-}  # fmt: skip
+    "link": ("robot",),
+    "joint": ("robot",),
+    "visual": ("link",),
+    "inertial": ("link",),
+    "mass": ("inertial",),
+    "inertia": ("inertial",),
+    "parent": ("joint",),
+    "child": ("joint",),
+    "axis": ("joint",),
+    "limit": ("joint",),
+    "mimic": ("joint",),
+    "origin": ("joint", "inertial", "visual", "collision"),
+}
 MANY = ("link", "joint", "visual")
 UNSET = (0.0, 0.0)  # limits that CAD exporters write where nobody set any
 NEGATIVE = -1e-9  # smallest principal moment that rounding explains, relative to the largest

@@ -29,8 +29,9 @@ def program(function: ca.Function, uniform: Sequence[str] = ()) -> _bridge.Progr
     except _bridge.UnknownInstruction as error:
         raise BridgeError(
             f"This Function cannot run on the vector machine: {error}.",
-            "Write it with CasADi's elementary operations on SX.", key=function.name(),
-        ) from None  # fmt: skip
+            "Write it with CasADi's elementary operations on SX.",
+            key=function.name(),
+        ) from None
 
 
 class Pipeline:

@@ -54,8 +54,9 @@ def task_system(mechanism: ClosedTree) -> ca.Function:
         raise InputError(
             f"The end effector is followed in {axes} coordinates, but the mechanism has mobility {delta}.",
             f"Name {delta} axes (or joints), so that the end effector determines the pose.",
-            file=mechanism.folder / "mechanism.yaml", key="end_effector",
-        )  # fmt: skip
+            file=mechanism.folder / "mechanism.yaml",
+            key="end_effector",
+        )
     q = ca.SX.sym("q", mechanism.model.nq)
     f = mechanism.functions
     Psi = ca.vertcat(f["closure_residual"](q), f["end_effector"](q))
@@ -79,8 +80,10 @@ def follow(mechanism: ClosedTree, point: np.ndarray) -> np.ndarray:
         raise InputError(
             f"A point of this mechanism has {start.size} finite coordinates "
             f"({', '.join(mechanism.description.end_effector.coordinates)}).",
-            "Give them in m (rad for joints).", key="point", value=point.tolist(),
-        )  # fmt: skip
+            "Give them in m (rad for joints).",
+            key="point",
+            value=point.tolist(),
+        )
     q, done = walk(mechanism, point)
     if done < 1.0:
         raise _unreachable(mechanism, point, start + done * (point - start))

@@ -47,8 +47,10 @@ class Sampling:
         if rate * period > LARGEST:
             raise InputError(
                 f"The rate asks for more than {LARGEST} samples per cycle of {period:g} s.",
-                f"Choose at most {LARGEST / period:g} Hz.", key="rate", value=rate,
-            )  # fmt: skip
+                f"Choose at most {LARGEST / period:g} Hz.",
+                key="rate",
+                value=rate,
+            )
         return cls(period, max(ceil(rate * period - ROUNDING), 1))
 
     @property

@@ -17,9 +17,13 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log", "radians", "degrees")
 } | {"abs": abs, "min": min, "max": max}
 OPERATORS: dict[type[ast.AST], Callable[..., float]] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
-    ast.USub: operator.neg, ast.UAdd: operator.pos,
-}  # fmt: skip
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+}
 
 
 def names_in(expression: str | float) -> set[str]:
@@ -96,5 +100,6 @@ def _value(node: ast.expr, known: Mapping[str, float], whole: str) -> float:
         return FUNCTIONS[node.func.id](*map(inner, node.args))  # type: ignore[attr-defined]
     raise InputError(
         "Only numbers, names, + - * / ** and functions are arithmetic here.",
-        f"The functions are {', '.join(sorted(FUNCTIONS))}.", value=whole,
-    )  # fmt: skip
+        f"The functions are {', '.join(sorted(FUNCTIONS))}.",
+        value=whole,
+    )

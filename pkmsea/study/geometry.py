@@ -45,8 +45,9 @@ def changed_mechanism(source: Path, numbers: Mapping[str, float], folder: Path) 
     if said.tree.suffix != ".urdf" or said.sidecar is None or said.sidecar.name != SIDECAR:
         raise InputError(
             "Only a URDF with a mechanism.yaml can be varied.",
-            "Write one with 'pkmsea check --write' or by hand.", file=source,
-        )  # fmt: skip
+            "Write one with 'pkmsea check --write' or by hand.",
+            file=source,
+        )
     tree, sidecar = xml.parse(said.tree), read_yaml(said.sidecar)
     missing = {}
     for key, number in numbers.items():

@@ -106,7 +106,8 @@ def open_pool(workers: int | None, scheduler: str | None) -> Iterator[Pool]:
         raise InputError(
             f"No Dask scheduler answers ({error}).",
             "Start one with 'dask scheduler', and its workers with 'dask worker ADDRESS'.",
-            key="--scheduler", value=scheduler,
-        ) from None  # fmt: skip
+            key="--scheduler",
+            value=scheduler,
+        ) from None
     with client:
         yield Pool(workers, client)

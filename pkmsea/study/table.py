@@ -58,8 +58,9 @@ class Table:
         if different:
             raise InputError(
                 f"The folder holds points of another study: its {' and '.join(different)} differed.",
-                "Choose another output folder with -o, or delete this one.", file=self.file,
-            )  # fmt: skip
+                "Choose another output folder with -o, or delete this one.",
+                file=self.file,
+            )
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Store one row for good."""

@@ -5,6 +5,17 @@ from pkmsea.task.payload import Payload
 from pkmsea.task.task import Chain, Fourier, Options, Setup, Spline, Task, TaskLimits, load_task
 
 __all__ = [
-    "Chain", "Cycle", "Fourier", "Limits", "OperatingPoint", "Options", "Payload", "Setup", "Spline", "Task",
-    "TaskLimits", "Window", "load_task",
-]  # fmt: skip
+    "Chain",
+    "Cycle",
+    "Fourier",
+    "Limits",
+    "OperatingPoint",
+    "Options",
+    "Payload",
+    "Setup",
+    "Spline",
+    "Task",
+    "TaskLimits",
+    "Window",
+    "load_task",
+]

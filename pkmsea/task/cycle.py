@@ -75,12 +75,15 @@ class Cycle(Record):
         """All rest windows, axis by axis; a rest time of zero gives a window of one instant."""
         return [
             Window(
-                axis=axis, at=point.at[axis], deviation=point.per_axis("window")[axis],
-                start=time - point.per_axis("rest")[axis] / 2, end=time + point.per_axis("rest")[axis] / 2,
+                axis=axis,
+                at=point.at[axis],
+                deviation=point.per_axis("window")[axis],
+                start=time - point.per_axis("rest")[axis] / 2,
+                end=time + point.per_axis("rest")[axis] / 2,
             )
             for point, time in zip(self.points, self.times, strict=True)
             for axis in range(len(point.at))
-        ]  # fmt: skip
+        ]
 
 
 class Limits(Record):

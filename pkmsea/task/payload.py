@@ -67,8 +67,10 @@ class PayloadMass:
             return np.full(np.shape(t), self.mass if order == 0 else 0.0)
         since = (np.asarray(t, float) - self.pick[0]) % self.period
         until = since - (self.place[0] - self.pick[0]) % self.period
-        return self.mass * (_handover(since / self.pick[1], self.pick[1], order)
-                            - _handover(until / self.place[1], self.place[1], order))  # fmt: skip
+        return self.mass * (
+            _handover(since / self.pick[1], self.pick[1], order)
+            - _handover(until / self.place[1], self.place[1], order)
+        )
 
 
 def _handover(x: np.ndarray, length: float, order: int) -> np.ndarray:

@@ -130,8 +130,10 @@ class Task(FromFile):
         if name is None:
             raise InputError(
                 f"The task '{self.name}' has {len(names)} setups.",
-                f"Name one ({', '.join(names)}), or use solve_all.", file=self.file, key="setups",
-            )  # fmt: skip
+                f"Name one ({', '.join(names)}), or use solve_all.",
+                file=self.file,
+                key="setups",
+            )
         raise NameNotFound("setup", name, names, file=self.file, key="setups")
 
     def with_starts(self, starts: int) -> Task:

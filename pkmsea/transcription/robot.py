@@ -186,9 +186,15 @@ class RobotOnGrid:
         cells, parameters = self.cells, len(self.actuation.parameters)
         indices = [np.ascontiguousarray(x, np.int32) for x in (cells.coefficients, cells.samples)]
         return _bridge.Grid(
-            np.ascontiguousarray(cells.local), *indices, weights, *np.ascontiguousarray(rows.T),
-            self.outputs, self.delta, parameters, self.basis.size,
-        )  # fmt: skip
+            np.ascontiguousarray(cells.local),
+            *indices,
+            weights,
+            *np.ascontiguousarray(rows.T),
+            self.outputs,
+            self.delta,
+            parameters,
+            self.basis.size,
+        )
 
     def _local_indices(self) -> np.ndarray:
         size, coefficients = self.basis.size, self.cells.coefficients

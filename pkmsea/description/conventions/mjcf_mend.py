@@ -17,9 +17,24 @@ IN_BODY = ("body", "joint", "freejoint", "inertial", "geom", "site", "camera", "
 SHAPES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 WORLD = "world"
 COUNTS = {
-    "pos": 3, "quat": 4, "axis": 3, "euler": 3, "axisangle": 4, "xyaxes": 6, "zaxis": 3, "fromto": 6, "range": 2,
-    "mass": 1, "density": 1, "diaginertia": 3, "fullinertia": 6, "anchor": 3, "relpose": 7, "armature": 1, "damping": 1,
-}  # fmt: skip
+    "pos": 3,
+    "quat": 4,
+    "axis": 3,
+    "euler": 3,
+    "axisangle": 4,
+    "xyaxes": 6,
+    "zaxis": 3,
+    "fromto": 6,
+    "range": 2,
+    "mass": 1,
+    "density": 1,
+    "diaginertia": 3,
+    "fullinertia": 6,
+    "anchor": 3,
+    "relpose": 7,
+    "armature": 1,
+    "damping": 1,
+}
 NUMBERED = ("body", "joint", "inertial", "geom", "site", "connect", "weld")
 
 
