@@ -6,6 +6,7 @@
 #include <cstring>
 #include <map>
 #include <tuple>
+#include <unordered_map>
 
 namespace machine {
 
@@ -90,12 +91,27 @@ struct Program::Builder {
 
   // ---- reading: one node for each different value ----
 
-  std::map<std::tuple<int, int, lanes::Scalar, int, int, unsigned long long>, int> known;
+  struct Key {
+    int type, kind, a, b;
+    lanes::Scalar scalar;
+    std::uint64_t bits;  // of a constant: 0 and -0 differ
+    bool operator==(const Key &other) const {
+      return type == other.type && kind == other.kind && a == other.a && b == other.b && scalar == other.scalar &&
+             bits == other.bits;
+    }
+  };
+  struct Hash {
+    std::size_t operator()(const Key &key) const {
+      std::size_t result = std::size_t(key.bits) ^ reinterpret_cast<std::size_t>(key.scalar);
+      for (int part : {key.type, key.kind, key.a, key.b}) result = result * 0x9e3779b97f4a7c15u + std::size_t(part);
+      return result ^ (result >> 32);
+    }
+  };
+  std::unordered_map<Key, int, Hash> known;
 
   int add(const Node &node) {
-    unsigned long long bits;
-    std::memcpy(&bits, &node.number, sizeof bits);
-    const auto key = std::make_tuple(int(node.type), int(node.kind), node.scalar, node.a, node.b, bits);
+    Key key{int(node.type), int(node.kind), node.a, node.b, node.scalar, 0};
+    std::memcpy(&key.bits, &node.number, sizeof key.bits);
     const auto [place, fresh] = known.emplace(key, int(nodes.size()));
     if (fresh) nodes.push_back(node);
     return place->second;
