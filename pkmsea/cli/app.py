@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,15 +23,13 @@ app = typer.Typer(
 
 def _tell_version(asked: bool) -> None:
     if asked:
-        from pkmsea import __version__
-
-        typer.echo(__version__)
+        typer.echo(version("pkmsea"))
         raise typer.Exit
 
 
 @app.callback()
 def options(
-    version: Annotated[
+    tell_version: Annotated[
         bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and end.")
     ] = False,
 ) -> None:
