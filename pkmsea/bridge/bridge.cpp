@@ -149,6 +149,7 @@ void register_machine(nb::module_ &m);  // machine.cpp
 void register_grid(nb::module_ &m);     // grid.cpp
 
 NB_MODULE(_bridge, m) {
+  nb::set_leak_warnings(false);  // programs in Python's caches live until the interpreter has gone
   register_machine(m);
   register_grid(m);
   m.attr("casadi_version") = CASADI_VERSION_STRING;
