@@ -125,7 +125,7 @@ def test_a_solved_cycle_is_a_minimum(solved: Solution) -> None:
     assert found is not None
     assert found.kind == "minimum" and not found.faults
     assert found.error < 1e-5  # measured 2e-8; IPOPT's own tolerance is 1e-6
-    assert found.unit == solved.energy
+    assert found.unit == solved.value
 
 
 @pytest.mark.parametrize("what", ["stiffness", "detour"])
@@ -183,7 +183,7 @@ def test_optima_are_counted() -> None:
         start(6, 1.1, 0.3, repeats=5),
         start(7, np.inf, 0.1),
     ]
-    found = [(optimum.energy, optimum.count, optimum.finished) for optimum in optima(starts)]
+    found = [(optimum.claimed, optimum.count, optimum.finished) for optimum in optima(starts)]
     assert found == [(1.0, 4, True), (1.1, 2, False), (1.2, 1, True)]
     from_a_neighbour = start(0, 0.9, 0.1, finished=True)  # its index is one of the others'
     assert sum(optimum.count for optimum in optima([from_a_neighbour, *starts])) == len(starts)
@@ -192,4 +192,4 @@ def test_optima_are_counted() -> None:
 def test_every_start_is_counted(solved: Solution) -> None:
     counted = sum(optimum.count for optimum in solved.optima)
     assert counted + sum(not s.usable for s in solved.starts) == len(solved.starts) == 3
-    assert [o.energy for o in solved.optima] == sorted(o.energy for o in solved.optima)
+    assert [o.claimed for o in solved.optima] == sorted(o.claimed for o in solved.optima)

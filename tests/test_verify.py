@@ -179,7 +179,7 @@ def shifted(name: str, at: tuple[int, ...], by: float) -> Callable[[xr.Dataset],
 
 
 def energy_scaled(factor: float) -> Callable[[xr.Dataset], None]:
-    return lambda dataset: dataset.attrs.update(energy_true=dataset.attrs["energy_true"] * factor)
+    return lambda dataset: dataset.attrs.update(energy=dataset.attrs["energy"] * factor)
 
 
 def drives_changed(**numbers: float) -> Callable[[xr.Dataset], None]:

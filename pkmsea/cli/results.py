@@ -76,7 +76,7 @@ def play(
     from pkmsea.views import playback
 
     solution = load(result)
-    typer.echo(f"{solution.name}: {solution.cost.show(solution.energy)}, {solution.status}")
+    typer.echo(f"{solution.name}: {solution.cost.show(solution.value)}, {solution.status}")
     if html is not None:
         typer.echo(f"wrote {playback.write_page(solution, html)}")
         return

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pkmsea.actuation.cost import ENERGY, positive
 from pkmsea.errors import SolveError, one_line
 from pkmsea.motion import Motion
 from pkmsea.motion.series import Series
@@ -19,7 +20,7 @@ from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Optimality, Optimum, Start, optima
 from pkmsea.transcription import TRANSCRIPTIONS
 
-STATED = 1e-6  # difference of a file's energy from the recomputed one, relative like the audit's gap
+STATED = 1e-6  # difference of a file's value from the recomputed one, relative like the audit's gap
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,9 +84,15 @@ class Solution:
         return self._audited[1]
 
     @property
+    def value(self) -> float:
+        """True value of the problem's cost on a dense grid: by default the energy."""
+        return self.audit().value
+
+    @property
     def energy(self) -> float:
-        """True value of the problem's cost on a dense grid: by default the energy per cycle [J]."""
-        return self.audit().energy
+        """True electrical energy per cycle [J], whatever the cost: the integral of max(P, 0) on a dense grid."""
+        power = self.series.power
+        return ENERGY.value(positive(power), self.problem.cycle.period / power.size)
 
     @property
     def cost(self) -> Cost:
@@ -110,7 +117,7 @@ class Solution:
     def faults(self) -> tuple[str, ...]:
         """What keeps the result from being verified.
 
-        The audit's faults, meshes that do not agree, and a file that states another energy than its motion has.
+        The audit's faults, meshes that do not agree, and a file that states another value than its motion has.
         """
         try:
             audit, options = self.audit(), self.problem.options
@@ -120,10 +127,10 @@ class Solution:
         if TRANSCRIPTIONS[options.transcription].refines and not agree(
             self.meshes, audit.scale, options.energy_tolerance
         ):
-            values = ["unsolved" if mesh.energy is None else self.cost.show(mesh.energy) for mesh in self.meshes]
+            values = ["unsolved" if mesh.value is None else self.cost.show(mesh.value) for mesh in self.meshes]
             faults.append(f"no two successive meshes agree ({', '.join(values)})")
-        if self.stated is not None and not abs(self.stated - audit.energy) <= STATED * audit.scale:
-            stated, found = (self.cost.show(value, ".6g") for value in (self.stated, audit.energy))
+        if self.stated is not None and not abs(self.stated - audit.value) <= STATED * audit.scale:
+            stated, found = (self.cost.show(value, ".6g") for value in (self.stated, audit.value))
             faults.append(f"the file states {stated}, its motion takes {found}")
         return tuple(faults)
 
@@ -140,10 +147,10 @@ class Solution:
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
         try:
-            energy = self.cost.show(self.energy)
+            value = self.cost.show(self.value)
         except SolveError:
-            energy = f"no {self.cost.label}"
-        return one_line(f"<Solution '{self.name}': {energy}, stiffness [{springs}], {self.status}>")
+            value = f"no {self.cost.label}"
+        return one_line(f"<Solution '{self.name}': {value}, stiffness [{springs}], {self.status}>")
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}

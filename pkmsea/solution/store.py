@@ -85,8 +85,8 @@ def to_dataset(solution: Solution) -> xr.Dataset:
         "task": task_of(problem).model_dump_json(),
         "task_file": "",  # of older results: beside it lies the mechanism that their task names
         "basis": solution.motion.basis.trajectory.model_dump_json(),
-        f"{problem.cost.name}_true": audit.energy,
-        f"{problem.cost.name}_claimed": solution.claimed,
+        problem.cost.name: audit.value,
+        "claimed": solution.claimed,
         "status": solution.status,
         "audit": json.dumps({key: value for key, value in asdict(audit).items() if key != "cost"}),
         "optimality": json.dumps(optimality and asdict(optimality)),
@@ -158,14 +158,13 @@ def load(path: str | Path) -> Solution:
         task = Task.model_validate_json(record["task"]).read_from(record["task_file"])
         with blaming(file):
             problem = build_problem(task, record["setup"])
-        name = problem.cost.name
         basis = _basis(json.loads(record["basis"]), task.cycle.period)
         parallel = np.stack([numbers(dataset, name) for name in ("parallel_stiffness", "parallel_rest")], axis=1)
         motion = Motion(basis, numbers(dataset, "flat_output"), numbers(dataset, "stiffness"), parallel)
         _check_motion(motion, problem.actuation)
         starts = tuple(r.start() for r in TypeAdapter(tuple[StartRecord, ...]).validate_json(record["starts"]))
         meshes = TypeAdapter(tuple[Mesh, ...]).validate_json(record["meshes"])
-        claimed, seconds, stated = (_finite(record[key], key) for key in (f"{name}_claimed", "seconds", f"{name}_true"))
+        claimed, seconds, stated = (_finite(record[key], key) for key in ("claimed", "seconds", problem.cost.name))
         return Solution(problem, motion, claimed, starts, meshes, seconds, stated=stated)
     except (KeyError, ValueError, TypeError, RecursionError) as error:
         cause = " ".join(str(error).split())
@@ -210,7 +209,7 @@ def _basis(trajectory: dict[str, Any], period: float) -> Basis:
 
 
 def _start_record(start: Start) -> dict[str, Any]:
-    kept = asdict(start) | {"outcome": start.outcome.value, "energy": start.energy if start.usable else None}
+    kept = asdict(start) | {"outcome": start.outcome.value, "claimed": start.claimed if start.usable else None}
     del kept["x"]
     return kept
 
@@ -220,7 +219,7 @@ class StartRecord(Record):
 
     index: int
     outcome: Outcome
-    energy: float | None
+    claimed: float | None
     stiffness: tuple[float, ...]
     iterations: int
     seconds: float
@@ -229,5 +228,5 @@ class StartRecord(Record):
     repeats: int | None = None
 
     def start(self) -> Start:
-        energy = np.inf if self.energy is None else self.energy
-        return Start(**(self.model_dump() | {"energy": energy, "x": None}))
+        claimed = np.inf if self.claimed is None else self.claimed
+        return Start(**(self.model_dump() | {"claimed": claimed, "x": None}))

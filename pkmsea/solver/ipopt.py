@@ -22,8 +22,8 @@ WARM = {"warm_start_init_point": "yes"} | {
 }
 # for NLPs that are small, dense and scaled: a quarter of IPOPT's own time goes into scaling and refining for nothing
 PLAIN = {"mumps_permuting_scaling": 0, "mumps_scaling": 0, "min_refinement_steps": 0}
-STAGNANT = 5  # iterations in a row that change the energy by less than options.stagnation end a solve
-ANY_ERROR = 1e20  # of optimality: only the energy decides
+STAGNANT = 5  # iterations in a row that change the cost by less than options.stagnation end a solve
+ANY_ERROR = 1e20  # of optimality: only the cost decides
 KEPT = 0.99  # share of a solver's time limit that must be left for it to serve again
 FEASIBLE = 1e-6  # largest constraint violation of a usable point, in the constraints' units
 

@@ -1,7 +1,7 @@
 """First- and second-order conditions of a local minimum at a point of an NLP; the solver is not asked.
 
 Every finite bound of a constraint or variable is one side a_i(x) <= 0 with slack s_i = -a_i; variables are divided by
-their scales and f by a unit of energy. With L = f + sum_i lambda_i a_i, a local minimum satisfies
+their scales and f by a unit of the cost. With L = f + sum_i lambda_i a_i, a local minimum satisfies
 
     grad L = 0,   a_i <= 0,   lambda_i >= 0,   lambda_i s_i = 0                                        (KKT)
     d^T hess L d > 0 for every d != 0 with grad a_i^T d = 0 where lambda_i > 0                         (second order)
@@ -27,7 +27,7 @@ NEAR = 1e-3  # of the distance between its bounds (of a single bound: of its siz
 ACTIVE = 1e-6  # likewise: blocks a direction
 STRONG = 1e-6  # of the largest multiplier: what is less counts as zero
 RANK = 1e-10  # of the largest row: what is less counts as dependent
-SAVING = 1e-7  # of the energy: what is less is rounding; a stiffness off by 1 % costs 6e-6 and more
+SAVING = 1e-7  # of the cost: what is less is rounding; a stiffness off by 1 % costs 6e-6 and more
 MEAN_MULTIPLIER = 100.0  # IPOPT's s_max: residuals are divided by the mean multiplier where that is larger
 STATIONARY = 1e-4  # largest residual of a solution; of the paper's setups 3e-6, see examples/guides/verify.md
 BLUR = 0.25  # the last step's parameter is known within this factor, as ln
@@ -36,7 +36,7 @@ BLUR_STEP, BLUR_STEPS = 1e-3, 4  # of the derivative with respect to ln p; of it
 
 @dataclass(frozen=True, repr=False)
 class Optimality:
-    """How well a point satisfies the conditions of a local minimum; energies relative to `unit`.
+    """How well a point satisfies the conditions of a local minimum; values of the cost relative to `unit`.
 
     Attributes
     ----------
@@ -47,10 +47,10 @@ class Optimality:
     saving : what a Newton step along the active constraints would still save, sum over the eigenvalues w_i of the
         reduced Hessian of (grad L)_i^2 / (2 |w_i|).
     curvature : smallest w_i; None where the active constraints leave no direction.
-    negative : number of directions along which the energy falls to second order.
+    negative : number of directions along which the cost falls to second order.
     kind : 'minimum'; 'saddle' where there are negative directions; 'undecided' where the curvature is zero within
         rounding, or where only constraints without a multiplier block the negative directions.
-    unit : what differences of the objective are relative to, such as energies [J].
+    unit : what differences of the objective are relative to, in the cost's unit.
     """
 
     stationarity: float
@@ -85,7 +85,7 @@ class Optimality:
         if not self.stationary:
             return (f"the motion is not stationary (KKT residual {self.error:.1e})",)
         if self.kind == "saddle":
-            return (f"the motion is a saddle point: the energy falls along {self.negative} directions",)
+            return (f"the motion is a saddle point: the cost falls along {self.negative} directions",)
         return ()
 
 

@@ -40,7 +40,7 @@ class FlatNlp:
         self._columns = [
             2 * m + joints.index(self._motion(bound, n))
             if bound.quantity in JOINTS
-            else 2 * bound.index + DRIVES.index(bound.quantity)
+            else m * DRIVES.index(bound.quantity) + bound.index
             for bound in self.limited
         ]
         self.robot = RobotOnGrid(problem.actuation, basis, samples, joints)
@@ -60,9 +60,10 @@ class FlatNlp:
         self.robot.at(x)
         if bound.quantity in JOINTS:
             return self.robot.instants.xi[self._motion(bound, self.robot.n)]
-        return self._signals.values()[2 * bound.index + DRIVES.index(bound.quantity)]
+        self._signals.evaluate()
+        return {"tau": self._signals.tau, "speed": self._signals.v_M}[bound.quantity][bound.index]
 
-    def energy(self, x: np.ndarray) -> float:
+    def claimed(self, x: np.ndarray) -> float:
         """The transcription's own value of the cost, without smoothing."""
         self.robot.at(x)
         return self.problem.cost.value(self._signals.exact(), self.weight)
@@ -75,7 +76,7 @@ class FlatNlp:
     def constraints(self, x: np.ndarray) -> np.ndarray:
         """Windows and end-effector limits (linear), then limited signals sample by sample."""
         self.robot.at(x)
-        limited = self._signals.values()[self._columns].T if self._columns else np.zeros(0)
+        limited = self._signals.constrained() if self._columns else np.zeros(0)
         return np.concatenate([self.rows.matrix @ x, limited.ravel()])
 
     def gradient(self, x: np.ndarray, eps: float) -> np.ndarray:
@@ -149,7 +150,7 @@ class FlatNlp:
         return Nlp(variables, lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
 
     def _sharpen(self, step: int, x: np.ndarray) -> np.ndarray:
-        return np.array([self.problem.cost.smoothing(step, self.energy(x), self.basis.period)])
+        return np.array([self.problem.cost.smoothing(step, self.claimed(x), self.basis.period)])
 
     def _variables(self, guess: np.ndarray) -> tuple[Variable, ...]:
         coefficients, p = self.robot.split(guess)

@@ -30,13 +30,13 @@ class Reference:
     solution : the stored flat output and stiffnesses, with robot and task, as loaded; its energies are its own.
     t : (K,) uniform, from 0, without the period's end.
     series : by name, (K, ...).
-    energy : value of the cost per cycle, by default the energy [J], as the result prints it.
+    value : of the cost per cycle, by default the energy [J], as the result prints it.
     """
 
     solution: Solution
     t: np.ndarray
     series: dict[str, np.ndarray]
-    energy: float
+    value: float
 
     @property
     def problem(self) -> Problem:
@@ -107,11 +107,11 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
     actuation = problem.actuation
     n, m, axes = actuation.mechanism.model.nq, actuation.m, actuation.mechanism.mobility
     widths = {"r_E": axes, "q": n, "v": n, "power": 0, "energy": 0}
-    key = f"{problem.cost.name}_true"
+    key = problem.cost.name
     try:
         t = numbers(dataset, "time")
         series = {name: numbers(dataset, name) for name in SERIES}
-        energy = float(dataset.attrs[key])
+        value = float(dataset.attrs[key])
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error
     uniform = np.arange(t.size) * problem.cycle.period / max(t.size, 1)
@@ -119,7 +119,7 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
         raise InputError(
             "The samples are not evenly spread over one period.", "Solve the task again.", file=file, key="time"
         )
-    if not np.isfinite(energy):
+    if not np.isfinite(value):
         raise InputError("This is not a finite number.", "Solve the task again.", file=file, key=key)
     for name, values in series.items():
         width = widths.get(name, m)
@@ -127,4 +127,4 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
             raise InputError(
                 "This series has missing or too many numbers.", "Solve the task again.", file=file, key=name
             )
-    return Reference(solution, t, series, energy)
+    return Reference(solution, t, series, value)

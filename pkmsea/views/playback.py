@@ -221,7 +221,7 @@ def _caption(solution: Solution) -> str:
     actuation = solution.problem.actuation
     unit = "N m/rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "N/m"
     springs = ", ".join(f"{actuation.labels[i]} {c:.4g}" for i, c in solution.motion.springs.items())
-    energy = solution.cost.show(solution.energy)
+    energy = solution.cost.show(solution.value)
     lines = [
         f"<b>{html.escape(solution.label)}</b>",
         f"{energy} per cycle of {solution.problem.cycle.period:g} s, {html.escape(solution.status)}",
