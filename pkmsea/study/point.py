@@ -16,8 +16,8 @@ from pkmsea.errors import PkmseaError, blaming
 from pkmsea.files import file_name
 from pkmsea.problem import Problem, build_problem, task_of
 from pkmsea.solution import Mesh, Solution
+from pkmsea.solution.records import motion_of, motion_record
 from pkmsea.solution.solve import NEAR, select
-from pkmsea.solution.store import motion_of, motion_record
 from pkmsea.solver import Start
 from pkmsea.solver.multistart import distinct, finish, multistart, restart, run_start
 from pkmsea.study.calibrate import calibrated, with_numbers
