@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import signal
 import sys
@@ -34,6 +35,8 @@ def run(app: Callable[[], Any]) -> None:
             raise
         print_error("stopped; what was finished is printed, and saved where -o was given ('pkmsea plot' draws it)")
         sys.exit(1)
+    finally:
+        gc.freeze()  # else Python searches all expressions for circles before it ends, which takes up to a second
 
 
 def print_error(error: BaseException | str) -> None:
