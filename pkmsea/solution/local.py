@@ -35,7 +35,7 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
         try:
             nlp = transcription.nlp(x, limited)
             p = last_parameter(nlp, x)
-            J = float(nlp.oracle(x / nlp.stacked("scale"), p)[0])
+            J = float(nlp.oracle(x, p)[0])
             found = optimality(nlp, x, p, problem.cost.in_objective(unit, transcription.claimed(x), J))
         except (FloatingPointError, RuntimeError):  # CasADi's word for a point that cannot be evaluated
             return None
