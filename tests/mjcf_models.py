@@ -40,6 +40,7 @@ RADIANS = f"""<mujoco>
         <body name="l3" pos="0.3 0 0"> <joint name="c" type="slide" range="0.1 0.2" limited="false"/> {BULK} </body>
   </body> </body> </worldbody> <worldbody>
     <body name="other" pos="0 1 0"> <joint name="d" axis="1 0 0" range="-0.5 0.25" limited="true"/> {ROD} </body>
+    <geom type="box" size="100 100 1"/> <body name="ground"> <geom type="box" size="100 100 1"/> </body>
   </worldbody> </mujoco>"""
 
 MASSES = f"""<mujoco> <compiler settotalmass="5" boundmass="0.2" boundinertia="0.003" balanceinertia="true"/>

@@ -187,6 +187,9 @@ def test_drives_seed_and_ranges(tmp_path: Path) -> None:
         "joint 'a': friction, damping and armature are not read; drives state theirs in the task",
     )
     assert 'effort="4.0"' in description.tree
+    (tmp_path / "mechanism.yaml").write_text("locked: {a: 0.1}")
+    held = read(tmp_path)
+    assert held.actuated == ("b",) and dict(held.seed or ()) == {"b": -0.2}
 
 
 def test_a_reference_is_the_seed_and_locked_joints_are_none(tmp_path: Path) -> None:
@@ -200,7 +203,7 @@ def test_a_reference_is_the_seed_and_locked_joints_are_none(tmp_path: Path) -> N
 def test_without_mujoco_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     (tmp_path / "robot.xml").write_text(MODELS["drives"])
-    with pytest.raises(MechanismError, match=r"Run 'pip install pkmsea\[mjcf\]'\.$"):
+    with pytest.raises(MechanismError, match=r"Install it: pip install 'pkmsea\[mjcf\]'\.$"):
         read(tmp_path)
 
 

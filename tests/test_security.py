@@ -136,6 +136,14 @@ def test_mjcf_names_no_file_outside_its_folder(tmp_path: Path, kind: str) -> Non
         load_mechanism(folder)
 
 
+def test_mjcf_is_utf_8(tmp_path: Path) -> None:
+    """MuJoCo would find other names in it than the check does."""
+    text = f'<?xml version="1.0" encoding="UTF-16"?><mujoco>{ROBOT}</mujoco>'
+    (tmp_path / "robot.xml").write_text(text, encoding="utf-16")
+    with pytest.raises(InputError, match=r"robot\.xml, encoding = 'UTF-16': MuJoCo reads UTF-8 alone"):
+        load_mechanism(tmp_path / "robot.xml")
+
+
 MANY = {
     "nested": f'<replicate count="1000"><replicate count="1000">{ROBOT[11:-12]}</replicate></replicate>',
     "composite": '<body><composite type="cable" count="20000 1 1"/></body>',

@@ -68,6 +68,8 @@ def read_source(path: Path) -> Source:
         theirs.pop("independent", None)  # the tree counts with its own loops
     if "actuated" in theirs:
         theirs["actuated"] = tuple(name for name in theirs["actuated"] if name not in said.locked)
+    if "seed" in theirs:
+        theirs["seed"] = {name: at for name, at in theirs["seed"].items() if name not in said.locked}
     merged = theirs | ours | {"frames": from_tree.frames | said.frames, "urdf": said.urdf or tree.name}
     draft = Draft.model_construct(**merged)
     said_by = tuple(sorted(ours)), tuple(sorted(theirs.keys() - ours.keys()))

@@ -38,7 +38,7 @@ def read(root: Element, file: Path) -> tuple[Element, dict[str, Any]]:
     except ImportError:
         raise MechanismError(
             "This is an MJCF file, and mujoco, which compiles it, is not installed.",
-            "Run 'pip install pkmsea[mjcf]'.",
+            "Install it: pip install 'pkmsea[mjcf]'.",
             file=file,
         ) from None
     from pkmsea.description.conventions.mjcf.compiled import compile_model

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ from pkmsea.errors import MechanismError, one_line
 
 WORDS = 500  # characters of MuJoCo's longest messages
 ROOT = "mujoco"  # element
+QUIET = threading.Lock()  # what is set for a compilation is the whole process's
 
 
 class Mesh(NamedTuple):
@@ -54,17 +56,17 @@ def compile_model(file: Path, files: Mapping[str, Sequence[Path]]) -> tuple[mujo
 @contextmanager
 def _quiet() -> Iterator[None]:
     """MuJoCo writes no MUJOCO_LOG.TXT, and caches no mesh: 3.10 takes one from there as another model has placed it."""
-    cache, said = mujoco.mj_getCache(), mujoco.MjLogConfig.get()
-    capacity, silent = mujoco.mj_getCacheCapacity(cache), copy.copy(said)
-    silent.logto_file = silent.logto_console = False
-    try:
-        silent.set()
-        mujoco.mj_setCacheCapacity(cache, 0)
-        with warnings.catch_warnings(action="ignore"):
+    with QUIET, warnings.catch_warnings(action="ignore"):
+        cache, said = mujoco.mj_getCache(), mujoco.MjLogConfig.get()
+        capacity, silent = mujoco.mj_getCacheCapacity(cache), copy.copy(said)
+        silent.logto_file = silent.logto_console = False
+        try:
+            silent.set()
+            mujoco.mj_setCacheCapacity(cache, 0)
             yield
-    finally:
-        said.set()
-        mujoco.mj_setCacheCapacity(cache, capacity)
+        finally:
+            said.set()
+            mujoco.mj_setCacheCapacity(cache, capacity)
 
 
 def _mesh(model: mujoco.MjModel, mesh: mujoco.MjsMesh, named: Sequence[Path], folder: Path) -> Mesh | None:

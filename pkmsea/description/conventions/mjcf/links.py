@@ -21,9 +21,9 @@ def to_urdf(model: mujoco.MjModel, names: Names, meshes: Mapping[int, Mesh]) -> 
     """Joints have MuJoCo's coordinates, `ref` included; a joint without range is continuous."""
     root = etree.Element("robot", name="mjcf")
     links = [etree.SubElement(root, "link", name=name) for name in names.bodies]
-    for body, link in enumerate(links):
+    for body in np.flatnonzero(model.body_treeid >= 0).tolist():  # others are fixed to the world
         placement = pose(model.body_ipos[body], model.body_iquat[body])
-        _inertial(link, model.body_mass[body], placement, model.body_inertia[body])
+        _inertial(links[body], model.body_mass[body], placement, model.body_inertia[body])
     for body in range(1, model.nbody):
         _joints(root, model, names, body)
     for site, name in names.sites.items():

@@ -12,7 +12,7 @@ from pkmsea.description import meshes, xml
 from pkmsea.description.xml import Element
 from pkmsea.errors import MechanismError
 
-FOLDERS = ("meshdir", "texturedir", "assetdir")
+FOLDERS = ("meshdir", "assetdir", "texturedir")
 MODELS = ("include", "model")  # elements that name more MJCF
 COPYING = {"replicate": ("count",), "composite": ("count",), "flexcomp": ("count",)}
 FILLING = {"texture": ("width", "height"), "hfield": ("nrow", "ncol"), "numeric": ("size",)}
@@ -39,7 +39,9 @@ def named_files(root: Element, file: Path) -> dict[str, list[Path]]:
     folder = file.parent.resolve()
     documents = {folder / file.name: root}
     while True:
-        found = [named for named in _named(documents, folder) if named.path.exists() and not named.path.is_dir()]
+        for path, document in documents.items():
+            _check_encoding(document, path)
+        found = [named for named in _named(documents, folder) if os.path.exists(named.path)]
         for named in found:
             _check_file(named, folder)
         new = {named.path for named in found if named.element.tag in MODELS} - documents.keys()
@@ -56,18 +58,31 @@ def named_files(root: Element, file: Path) -> dict[str, list[Path]]:
 
 
 def _named(documents: Mapping[Path, Element], folder: Path) -> Iterator[Named]:
+    """Every path that MuJoCo might take a name for, the likeliest first."""
     compilers = [compiler for root in documents.values() for compiler in root.iter("compiler")]
-    places = {"", *(compiler.get(key, "") for compiler in compilers for key in FOLDERS)}
+    places = dict.fromkeys([*(compiler.get(key, "") for key in FOLDERS for compiler in reversed(compilers)), ""])
     for document, root in documents.items():
         for element in root.iter():
-            for name in [value for key, value in element.attrib.items() if key.startswith("file") and value]:
-                words = {name, name.replace("\\", "/")}
-                words |= {word.rpartition("/")[2] for word in words}  # with strippath
-                paths = {
-                    base / place / word for base in (folder, document.parent) for place in places for word in words
-                }
-                paths |= {Path(os.path.normpath(path)) for path in paths}
-                yield from (Named(document, element, name, path.resolve()) for path in sorted(paths))
+            for name in [value for key, value in element.attrib.items() if key.startswith("file")]:
+                plain = name.replace("\\", "/")
+                words = (name, plain, plain.rpartition("/")[2])  # the last one with strippath
+                paths = [
+                    base / place / word for word in words for base in (folder, document.parent) for place in places
+                ]
+                for path in dict.fromkeys(
+                    os.path.realpath(way(path)) for path in paths for way in (str, os.path.normpath)
+                ):
+                    if not os.path.isdir(path):
+                        yield Named(document, element, name, Path(path))
+
+
+def _check_encoding(document: Element, file: Path) -> None:
+    """MuJoCo reads UTF-8 whatever the file declares, and would read other names in it."""
+    encoding = document.getroottree().docinfo.encoding or "UTF-8"
+    if encoding.upper() not in ("UTF-8", "US-ASCII", "ASCII"):
+        raise MechanismError(
+            "MuJoCo reads UTF-8 alone.", "Save it as UTF-8.", file=file, key="encoding", value=encoding
+        )
 
 
 def _check_file(named: Named, folder: Path) -> None:

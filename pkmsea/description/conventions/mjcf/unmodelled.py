@@ -41,7 +41,7 @@ def refuse(model: mujoco.MjModel, file: Path) -> None:
 
 def _joints(model: mujoco.MjModel) -> Iterator[Unmodelled]:
     joint = mjtObj.mjOBJ_JOINT
-    springs = _any(model.jnt_stiffness, model.jnt_stiffnesspoly) & ~disabled(model, mjtDisableBit.mjDSBL_SPRING)
+    springs = _any(model.jnt_stiffness, model.jnt_stiffnesspoly) & (not disabled(model, mjtDisableBit.mjDSBL_SPRING))
     forces = model.jnt_actfrclimited & (model.jnt_actfrcrange.sum(axis=1) != 0)
     yield Unmodelled("free joint", _named(model, joint, model.jnt_type == mjtJoint.mjJNT_FREE), f"fix it, or {CHAIN}")
     yield Unmodelled("ball joint", _named(model, joint, model.jnt_type == mjtJoint.mjJNT_BALL), CHAIN)
@@ -50,25 +50,20 @@ def _joints(model: mujoco.MjModel) -> Iterator[Unmodelled]:
 
 
 def _tendons(model: mujoco.MjModel) -> Iterator[Unmodelled]:
-    off = {
-        key: disabled(model, mjtDisableBit.mjDSBL_CONSTRAINT, bit)
-        for key, bit in (("limit", mjtDisableBit.mjDSBL_LIMIT), ("frictionloss", mjtDisableBit.mjDSBL_FRICTIONLOSS))
-    }
-    off["stiffness"] = disabled(model, mjtDisableBit.mjDSBL_SPRING)
-    off["damping"] = disabled(model, mjtDisableBit.mjDSBL_DAMPER)
-    for key, *values in (
-        ("stiffness", model.tendon_stiffness, model.tendon_stiffnesspoly),
-        ("damping", model.tendon_damping, model.tendon_dampingpoly),
-        ("frictionloss", model.tendon_frictionloss),
-        ("armature", model.tendon_armature),
-        ("limit", model.tendon_limited),
+    constraint = mjtDisableBit.mjDSBL_CONSTRAINT
+    for key, flags, *values in (
+        ("stiffness", [mjtDisableBit.mjDSBL_SPRING], model.tendon_stiffness, model.tendon_stiffnesspoly),
+        ("damping", [mjtDisableBit.mjDSBL_DAMPER], model.tendon_damping, model.tendon_dampingpoly),
+        ("frictionloss", [constraint, mjtDisableBit.mjDSBL_FRICTIONLOSS], model.tendon_frictionloss),
+        ("armature", [], model.tendon_armature),
+        ("limit", [constraint, mjtDisableBit.mjDSBL_LIMIT], model.tendon_limited),
     ):
-        which = _any(*values) & ~off.get(key, False)
+        which = _any(*values) & (not disabled(model, *flags))
         yield Unmodelled(f"{key} of tendon", _named(model, mjtObj.mjOBJ_TENDON, which), REMOVE)
 
 
 def _equalities(model: mujoco.MjModel) -> Iterator[Unmodelled]:
-    for kind in set(mjtEq.__members__.values()) - set(READ):
+    for kind in [kind for kind in mjtEq.__members__.values() if kind not in READ]:
         label = f"{kind.name.removeprefix('mjEQ_').lower()} equality"
         yield Unmodelled(label, _numbered(model, mjtObj.mjOBJ_EQUALITY, equalities(model, kind)), REMOVE)
     curved = [i for i in equalities(model, mjtEq.mjEQ_JOINT) if model.eq_data[i, 2:5].any()]
