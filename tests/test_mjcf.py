@@ -218,6 +218,7 @@ def test_without_mujoco_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
         ("<body ", '<body pos="nan 0 0" ', r"joint 'a': origin xyz"),
         ("</worldbody>", '<geom type="mesh" mesh="m"/></worldbody>', r"name '', id 0, line \d+: .*mesh 'm' not found"),
         ('axis="0 1 0"', 'axis="0 0 0"', r"name 'a', id 0.*axis too small"),
+        ("<body ", f"<body> {2 * '<plugin/>'} </body> <body ", "body '': plugin: There are two of them"),
         ("<option ", '<include file="nowhere.xml"/> <option ', r"'include', line 1: .*nowhere\.xml"),
     ],
 )

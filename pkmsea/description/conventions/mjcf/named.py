@@ -40,7 +40,7 @@ def named_files(root: Element, file: Path) -> dict[str, list[Path]]:
     documents = {folder / file.name: root}
     while True:
         for path, document in documents.items():
-            _check_encoding(document, path)
+            _check_document(document, path)
         found = [named for named in _named(documents, folder) if os.path.exists(named.path)]
         for named in found:
             _check_file(named, folder)
@@ -76,13 +76,15 @@ def _named(documents: Mapping[Path, Element], folder: Path) -> Iterator[Named]:
                         yield Named(document, element, name, Path(path))
 
 
-def _check_encoding(document: Element, file: Path) -> None:
-    """MuJoCo reads UTF-8 whatever the file declares, and would read other names in it."""
+def _check_document(document: Element, file: Path) -> None:
+    """MuJoCo reads UTF-8 whatever the file declares, and would find other names in it; two plugins crash 3.10."""
     encoding = document.getroottree().docinfo.encoding or "UTF-8"
     if encoding.upper() not in ("UTF-8", "US-ASCII", "ASCII"):
-        raise MechanismError(
-            "MuJoCo reads UTF-8 alone.", "Save it as UTF-8.", file=file, key="encoding", value=encoding
-        )
+        raise MechanismError("MuJoCo reads UTF-8 alone.", "Save it so.", file=file, key="encoding", value=encoding)
+    for element in document.iter("body", "geom"):
+        if len(element.findall("plugin")) > 1:
+            key = f"{element.tag} '{element.get('name', '')}': plugin"
+            raise MechanismError("There are two of them.", "Remove one.", file=file, key=key)
 
 
 def _check_file(named: Named, folder: Path) -> None:
