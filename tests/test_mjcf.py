@@ -36,6 +36,12 @@ REFUSED = {
 }
 
 
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """MuJoCo itself, as the tests call it, may write its log into the working directory."""
+    monkeypatch.chdir(tmp_path)
+
+
 class Engine:
     """MuJoCo's model at one pose, its numbers in pkmsea's order of joints."""
 
@@ -223,9 +229,8 @@ def test_without_mujoco_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
     ],
 )
 def test_a_compile_error_is_mujocos_in_one_message(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], old: str, new: str, message: str
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], old: str, new: str, message: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     assert old in MODELS["drives"]
     (tmp_path / "robot.xml").write_text(MODELS["drives"].replace(old, new, 1))
     with pytest.raises(MechanismError, match=r"robot\.xml, " + message):
