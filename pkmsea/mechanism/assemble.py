@@ -47,6 +47,10 @@ def build_mechanism(description: Description, guess: bool = False) -> Mechanism:
     model = build_model(description)
     _check_frames(model, description)
     propose.check_joint_names(description, model)
+    exact = plane.put_right(description, model)
+    if exact.tree != description.tree:
+        model = build_model(exact)
+    description = exact
     closing = [frame for closure in description.closures for frame in closure.frames]
     tree = _tree(model, closing, description)
     q = ca.SX.sym("q", model.nq)
@@ -54,7 +58,6 @@ def build_mechanism(description: Description, guess: bool = False) -> Mechanism:
     every_row = ca.Function("closure", [q], [Phi, ca.densify(ca.jacobian(Phi, q))], ["q"], ["Phi", "G"])
     worth = partial(propose.worth, description, model) if guess else None
     loops = close_loops(every_row, closures.sense(q, tree, description.closures), model, description, worth)
-    plane.check(model, loops.seed, description)
     complete = propose.complete(description, loops, model, guess)
     tree = _tree(model, [*closing, complete.end_effector.frame], description)
     functions = closures.functions(Phi, q, loops.rows)

@@ -14,10 +14,13 @@ from pkmsea.description import Closure, Description
 def residual(q: ca.SX, tree: TreeFunctions, description: Description, joints: Sequence[str]) -> ca.SX:
     """Phi(q), all rows, by closure and then by coupling.
 
-    point      p_2 - p_1 in the world; with a declared plane its two in-plane rows, by a projector that is constant
+    point      p_2 - p_1 in the world
     revolute   that, and the two parts of R_1^T R_2 n across the axis n
     frame      that, and the vee of the skew part of R_1^T R_2
     coupling   q_joint - ratio q_of - offset
+
+    In a declared plane, where all axes are exact (see `plane.put_right`), rows that would be zero are left out: the gap
+    has its two parts in the plane, a revolute closure no further rows, a frame closure the turn about the normal.
     """
     normal = description.plane.normal if description.plane else None
     rows = []
@@ -26,10 +29,11 @@ def residual(q: ca.SX, tree: TreeFunctions, description: Description, joints: Se
         gap = T2[:3, 3] - T1[:3, 3]
         rows.append(gap if normal is None else ca.mtimes(_across(normal), gap))
         R = ca.mtimes(T1[:3, :3].T, T2[:3, :3])
-        if closure.type == "revolute":
+        if closure.type == "revolute" and normal is None:
             rows.append(ca.mtimes([_across(closure.axis), R, _unit(closure.axis)]))
         if closure.type == "frame":
-            rows.append(ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / 2)
+            turn = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / 2
+            rows.append(turn if normal is None else ca.mtimes([_unit(normal).T, T1[:3, :3], turn]))
     for coupling in description.couplings:
         this, other = joints.index(coupling.joint), joints.index(coupling.of)
         rows.append(q[this] - coupling.ratio * q[other] - coupling.offset)

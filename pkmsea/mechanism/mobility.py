@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from pkmsea.description import Description
 from pkmsea.errors import MechanismError
-from pkmsea.mechanism import pose
+from pkmsea.mechanism import plane, pose
 from pkmsea.mechanism.loops import Loops, independent_rows
 
 DOUBTFUL = 1e-6  # between the two, a rank comes from rounded numbers of a CAD export
@@ -40,10 +40,10 @@ def close_loops(
     seed = _closed(every_row, sense, guess)
     far = _spread(every_row, sense, model, description) if worth and description.seed is None else []
     if seed is None and not far:
-        raise _stays_open(every_row, guess, description)
+        raise plane.open_across(model, description) or _stays_open(every_row, guess, description)
     start = far[0] if seed is None else seed
     poses = [*([] if seed is None else [seed]), *_scatter(every_row, sense, start), *far]
-    rows = _fixed_rows(every_row, poses, description)
+    rows = _fixed_rows(every_row, poses, model, description)
     if len(rows) == model.nq:
         raise MechanismError(
             "The closed mechanism cannot move.",
@@ -108,7 +108,9 @@ def _inside(poses: list[np.ndarray], value: list[float], model: pin.Model) -> np
     return poses[max(range(len(poses)), key=lambda i: (inside[i] or not any(inside), value[i]))]
 
 
-def _fixed_rows(every_row: ca.Function, poses: list[np.ndarray], description: Description) -> list[int]:
+def _fixed_rows(
+    every_row: ca.Function, poses: list[np.ndarray], model: pin.Model, description: Description
+) -> list[int]:
     """Rows of largest rank, well conditioned at most of the poses."""
     jacobians = [np.array(every_row(q)[1]) for q in poses]
     ranked = [independent_rows(G) for G in jacobians]
@@ -118,7 +120,7 @@ def _fixed_rows(every_row: ca.Function, poses: list[np.ndarray], description: De
         raise MechanismError(
             f"The closures are almost dependent (by a part in {1 / max(candidates.values()):.0e}), as rounded numbers "
             "make them, so that the mobility is in doubt.",
-            "Use closures of fewer rows (type point, and a plane where all moves in one), or more digits.",
+            plane.remedy(model, description) or "Use closures of fewer rows (type point), or more digits.",
             **description.where("closures"),
         )
     if not rank:
