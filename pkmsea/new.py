@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from lxml import etree
 
 from pkmsea.description import find, meshes, skeleton
-from pkmsea.description.conventions import xacro
+from pkmsea.description.conventions import transmission, xacro
 from pkmsea.description.sidecar import SIDECAR
 from pkmsea.description.source import Source, read_source
 from pkmsea.errors import InputError, Unreachable
@@ -51,7 +52,8 @@ def new(folder: Path, tree: Path | None) -> list[Path]:
     task = folder / TASK
     if task.exists():
         raise InputError("The file exists; it is not overwritten.", "Move it away first.", file=task)
-    first = task_text(load_mechanism(folder))
+    source = read_source(folder)
+    first = task_text(load_mechanism(folder), transmission.gears(source.root, source.tree))
     write_whole(task, lambda temporary: temporary.write_text(first, encoding="utf-8"))
     return [*dict.fromkeys([*written, *([sidecar] if sidecar else []), task])]
 
@@ -92,8 +94,11 @@ def _take_meshes(folder: Path, source: Source) -> None:
             _copy(found, target)
 
 
-def task_text(mechanism: Mechanism) -> str:
-    """A task for a mechanism: two points inside the workspace, rigid drives beside elastic ones of a plausible size."""
+def task_text(mechanism: Mechanism, gears: Mapping[str, transmission.Gear]) -> str:
+    """A task for a mechanism: two points inside the workspace, rigid drives beside elastic ones of a plausible size.
+
+    `gears` is what the tree tells by joint.
+    """
     points = operating_points(mechanism)
     way = float(np.linalg.norm(points[1] - points[0]))
     end_effector = mechanism.description.end_effector
@@ -104,7 +109,7 @@ def task_text(mechanism: Mechanism) -> str:
     ]
     sides = zip(end_effector.coordinates, *box(points), strict=True)
     room = ", ".join(f"{axis}: [{_short(low, 3)}, {_short(high, 3)}]" for axis, low, high in sides)
-    rigid, elastic = _drives(mechanism)
+    rigid, elastic = _drives(mechanism, gears)
     return "\n".join([
         f"# A first task for '{mechanism.name}'. Drives are GUESSED from the mass that they move: put your own in.",
         f"name: {mechanism.name}",
@@ -117,7 +122,8 @@ def task_text(mechanism: Mechanism) -> str:
         "setups:  # the first one is the reference",
         "  - name: rigid",
         "    mechanism: .  # the folder of this file",
-        "    drives:  # inertia [kg m^2, kg] and copper loss R/k_m^2 [W/(N m)^2, W/N^2] at the output side of the gear",
+        "    drives:  # inertia [kg m^2, kg] and copper loss R/k_m^2 [W/(N m)^2, W/N^2] at the output side of the gear;"
+        " the motor's own with gear_ratio",
         *rigid,
         "  - name: elastic",
         "    mechanism: .",
@@ -172,14 +178,21 @@ def _is_clear(mechanism: Mechanism, points: list[np.ndarray]) -> bool:
     return bool(np.any(points[1] != points[0]))
 
 
-def _drives(mechanism: Mechanism) -> tuple[list[str], list[str]]:
-    """One line per drive, rigid and elastic, scaled by the inertia that the drive feels: 1 / (H_A M^-1 H_A^T)_ii."""
+def _drives(mechanism: Mechanism, gears: Mapping[str, transmission.Gear]) -> tuple[list[str], list[str]]:
+    """One line per drive, rigid and elastic, scaled by the inertia that the drive feels: 1 / (H_A M^-1 H_A^T)_ii.
+
+    Of a drive with a gear N, inertia and copper loss are the motor's: those at the output over N^2, and times N^2.
+    """
     H_A, M = mechanism.actuation_jacobian(mechanism.seed), mechanism.mass_matrix(mechanism.seed)
     felt = 1 / np.diag(H_A @ np.linalg.solve(M, H_A.T))
     w = 2 * np.pi / PERIOD
     lines: tuple[list[str], list[str]] = ([], [])
     for joint, inertia in zip(mechanism.description.actuated, felt, strict=True):
-        same = f"inertia: {_short(ROTOR * inertia)}, copper_loss: {_short(LOSS / (inertia * w))}"
+        gear = gears.get(joint, transmission.Gear(1.0, 0.0))
+        N = abs(gear.reduction) or 1.0
+        rotor, loss = gear.rotor or ROTOR * inertia / N**2, LOSS * N**2 / (inertia * w)
+        same = f"inertia: {_short(rotor)}, copper_loss: {_short(loss)}"
+        same += "" if gear.plain else f", gear_ratio: {_short(N, 6)}"
         bounds = f"[{_short(SOFT * inertia * w**2)}, {_short(STIFF * inertia * w**2)}]"
         lines[0].append(f"      - {{kind: rigid, {same}}}  # {joint}")
         lines[1].append(f"      - {{kind: sea, {same}, stiffness: {{bounds: {bounds}}}}}  # {joint}")

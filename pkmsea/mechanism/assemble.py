@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,8 +12,8 @@ import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions, frame_id, tree_functions
 from pkmsea.description import CompleteDescription, Description, read
-from pkmsea.errors import BridgeError, MechanismError, NameNotFound
-from pkmsea.mechanism import closures, plane, propose
+from pkmsea.errors import BridgeError, MechanismError, NameNotFound, noting
+from pkmsea.mechanism import closures, hints, plane, propose
 from pkmsea.mechanism.loops import Loops
 from pkmsea.mechanism.mechanism import Mechanism
 from pkmsea.mechanism.mobility import close_loops
@@ -44,6 +45,13 @@ def build_mechanism(description: Description, guess: bool = False) -> Mechanism:
     ------
     InputError : names file, key, value and remedy.
     """
+    notes = list(description.notes)
+    with noting(notes):
+        return _build(description, guess, notes)
+
+
+def _build(description: Description, guess: bool, notes: list[str]) -> Mechanism:
+    """The mechanism; what is noticed is added to `notes`, also before an error."""
     model = build_model(description)
     _check_frames(model, description)
     propose.check_joint_names(description, model)
@@ -51,6 +59,7 @@ def build_mechanism(description: Description, guess: bool = False) -> Mechanism:
     if exact.tree != description.tree:
         model = build_model(exact)
     description = exact
+    notes += [*exact.notes, *hints.possible_loops(model, description)]
     closing = [frame for closure in description.closures for frame in closure.frames]
     tree = _tree(model, closing, description)
     q = ca.SX.sym("q", model.nq)
@@ -65,7 +74,9 @@ def build_mechanism(description: Description, guess: bool = False) -> Mechanism:
     conditioning = _conditioning(loops, model, complete)
     mechanism = Mechanism(complete, model, tree, functions, loops.seed, loops.mobility, conditioning)
     _check_motion(mechanism)
-    return mechanism
+    notes += hints.of(mechanism, loops.poses)
+    told = complete.model_copy(update={"notes": tuple(dict.fromkeys(notes))})
+    return replace(mechanism, description=told)
 
 
 def _tree(model: pin.Model, frames: list[str], description: Description) -> TreeFunctions:

@@ -21,12 +21,14 @@ class Loops:
     Attributes
     ----------
     seed : a closed pose (n,); `proposed` says that it was searched for.
-    G : Jacobian of these rows at the seed and other generic closed poses (k, n - delta, n).
+    poses : the seed and other generic closed poses (k, n).
+    G : Jacobian of these rows there (k, n - delta, n).
     """
 
     seed: np.ndarray
     proposed: bool
     rows: list[int]
+    poses: np.ndarray
     G: np.ndarray
 
     @property

@@ -66,7 +66,7 @@ def close_loops(
     near = [start, *_scatter(every_row, sense, start)]
     generic = [q for q in near if _quality(every_row, q, rows) > SINGULAR]
     _check_implied(every_row, rows, generic, description)
-    return Loops(start, proposed, rows, np.array([np.array(every_row(q)[1])[rows] for q in generic]))
+    return Loops(start, proposed, rows, np.array(generic), np.array([np.array(every_row(q)[1])[rows] for q in generic]))
 
 
 def _closed(every_row: ca.Function, sense: ca.Function, guess: np.ndarray) -> np.ndarray | None:

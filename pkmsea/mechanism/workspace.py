@@ -35,9 +35,10 @@ class Workspace:
 def reach(mechanism: Mechanism, direction: np.ndarray, far: float) -> float:
     """How far the end effector gets from the seed along a direction [m], at most `far`; to 1e-4 of it.
 
-    Ends at the workspace's border or at a joint limit of the URDF.
+    Ends at the workspace's border or at a joint limit of the URDF, if the seed keeps that.
     """
-    lower, upper = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    lower = np.minimum(mechanism.model.lowerPositionLimit, mechanism.seed)
+    upper = np.maximum(mechanism.model.upperPositionLimit, mechanism.seed)
     end = mechanism.end_effector(mechanism.seed) + far * direction
     return far * pose.walk(mechanism, end, lambda q: bool(np.all((q >= lower) & (q <= upper))))[1]
 
