@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions
 from pkmsea.description import CompleteDescription
+from pkmsea.mechanism.conditioning import turning
 
 ActuationClass = Literal["fully actuated", "redundantly actuated", "underactuated"]
 
@@ -32,7 +33,7 @@ class ClosedTree:
     functions : named casadi.Functions, see `pkmsea.mechanism.assemble`.
     seed : a closed pose on the declared assembly mode (n,).
     mobility : delta, from the rank of the closure Jacobian at closed, generic poses.
-    conditioning : of the independent coordinates at generic closed poses, 0 (useless) to 1.
+    length : its characteristic length [m], see `pkmsea.mechanism.conditioning`.
     """
 
     description: CompleteDescription
@@ -41,7 +42,7 @@ class ClosedTree:
     functions: dict[str, ca.Function]
     seed: np.ndarray
     mobility: int
-    conditioning: float
+    length: float
 
     @property
     def name(self) -> str:
@@ -71,7 +72,7 @@ class ClosedTree:
     @cached_property
     def revolute(self) -> list[bool]:
         """Whether each joint turns (n); the others slide."""
-        return [not joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]]
+        return [bool(turns) for turns in turning(self.model)]
 
     @property
     def actuation_class(self) -> ActuationClass:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from pkmsea.bridge import frame_id
 from pkmsea.description import Description, xml
 from pkmsea.mechanism.closed_tree import ClosedTree
-from pkmsea.mechanism.length import characteristic_length
+from pkmsea.mechanism.conditioning import characteristic_length
 
 NEAR = 0.03  # of the characteristic length: ends that are closer at the neutral pose may be one pin
 LEAST = 3  # joints of a loop that is opened at a further one; fewer leave it rigid
@@ -45,7 +45,7 @@ def of(mechanism: ClosedTree, poses: Iterable[np.ndarray]) -> list[str]:
 def _gravity(mechanism: ClosedTree, poses: Iterable[np.ndarray]) -> list[str]:
     gravity, model = mechanism.description.gravity, mechanism.model
     weight = sum(inertia.mass for inertia in model.inertias) * float(np.linalg.norm(gravity))
-    scale, rest = weight * characteristic_length(model, ()), np.zeros(mechanism.mobility)
+    scale, rest = weight * mechanism.length, np.zeros(mechanism.mobility)
     if weight == 0 or any(np.abs(mechanism.bias(q, rest)).max() > IDLE * scale for q in poses):
         return []
     return [

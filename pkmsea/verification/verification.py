@@ -11,6 +11,7 @@ from scipy.integrate import simpson
 
 from pkmsea.actuation.cost import ENERGY, positive
 from pkmsea.errors import one_line
+from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Cost
 from pkmsea.solution import Solution
 from pkmsea.solution.audit import IDLE
@@ -115,7 +116,7 @@ def verify(source: Solution | str | Path) -> Verification:
     in_cycles = long.cost(cost, actuation, slice(starts[-2], starts[-1] + 1))
     idle = IDLE * float(np.abs(short.u * short.v[:, robot.at]).sum(axis=1).mean()) * said.period
     scale = cost.scale(said.energy, idle)
-    inverse, direct = np.min([robot.singularity(q) for q in short.q], axis=0)
+    inverse, direct = (float(distance.min()) for distance in pose.singularity(robot.mechanism, short.q))
     measured: dict[str, Any] = {
         "energy": said.energy,
         "simulated": simulated,
@@ -130,8 +131,8 @@ def verify(source: Solution | str | Path) -> Verification:
         **_feedback(whole, long),
         "window": _window_excess(said, long),
         "limits": {f"{b.quantity} {b.name}": _limit_excess(b, long) for b in said.problem.bounds},
-        "inverse": float(inverse),
-        "direct": float(direct),
+        "inverse": inverse,
+        "direct": direct,
         "resolution": said.resolution,
         "optimality": said.solution.optimality(),
     }
