@@ -14,14 +14,15 @@ from pkmsea.description import find, meshes, skeleton
 from pkmsea.description.conventions import transmission, xacro
 from pkmsea.description.sidecar import SIDECAR
 from pkmsea.description.source import Source, read_source
-from pkmsea.errors import InputError, Unreachable
+from pkmsea.errors import InputError, Unreachable, noting
 from pkmsea.files import write_whole
 from pkmsea.mechanism import Mechanism, load_mechanism
-from pkmsea.mechanism.workspace import reach, size
+from pkmsea.mechanism.workspace import reach
 
 TASK = "task.yaml"
 PERIOD = 1.0  # [s]
 REST, WINDOW = 0.1, 0.01  # of the period; of the way
+MOST = {"m": np.inf, "rad": 1.0}  # of a coordinate on one side of the seed
 SHARES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05)  # of the reach from the seed, tried as operating points
 ROOM = 0.2  # of the way, left around the points
 KEEP = 0.4  # of the seed's distance to singularities, on the whole way
@@ -53,7 +54,9 @@ def new(folder: Path, tree: Path | None) -> list[Path]:
     if task.exists():
         raise InputError("The file exists; it is not overwritten.", "Move it away first.", file=task)
     source = read_source(folder)
-    first = task_text(load_mechanism(folder), transmission.gears(source.root, source.tree))
+    completed = load_mechanism(folder)
+    with noting(completed.description.notes):
+        first = task_text(completed, transmission.gears(source.root, source.tree))
     write_whole(task, lambda temporary: temporary.write_text(first, encoding="utf-8"))
     return [*dict.fromkeys([*written, *([sidecar] if sidecar else []), task])]
 
@@ -141,8 +144,12 @@ def operating_points(mechanism: Mechanism) -> list[np.ndarray]:
     ------
     InputError : the seed is too close to a border or a singularity.
     """
-    start, far = mechanism.end_effector(mechanism.seed), size(mechanism)
-    sides = [np.array([sign * reach(mechanism, sign * axis, far) for axis in np.eye(start.size)]) for sign in (-1, 1)]
+    start, most = (
+        mechanism.end_effector(mechanism.seed),
+        np.array([MOST[unit] for unit in mechanism.end_effector_units]),
+    )
+    way = [np.array([reach(mechanism, sign * axis) for axis in np.eye(start.size)]) for sign in (-1, 1)]
+    sides = [sign * np.minimum(along, most) for sign, along in zip((-1, 1), way, strict=True)]
     for share in SHARES:
         points = [np.array([float(_short(x, 3)) for x in start + share * side]) for side in sides]
         if _is_clear(mechanism, points):

@@ -75,6 +75,22 @@ class ClosedTree:
         return [bool(turns) for turns in turning(self.model)]
 
     @property
+    def units(self) -> list[str]:
+        """Of each joint's position (n)."""
+        return ["rad" if turns else "m" for turns in self.revolute]
+
+    @property
+    def end_effector_units(self) -> list[str]:
+        """Of each coordinate of r_E: m along axes, the joints' own where joints are followed."""
+        units, follower = dict(zip(self.joints, self.units, strict=True)), self.description.end_effector
+        return [units[name] for name in follower.joints] or ["m"] * len(follower.axes)
+
+    @property
+    def end_effector_unit(self) -> str:
+        """That of all coordinates of r_E; 'rad, m' where they differ."""
+        return ", ".join(dict.fromkeys(self.end_effector_units))
+
+    @property
     def actuation_class(self) -> ActuationClass:
         """Compares the number m of drives with the mobility delta (paper, definition 1)."""
         m = len(self.actuated)
@@ -83,7 +99,7 @@ class ClosedTree:
         return "redundantly actuated" if m > self.mobility else "underactuated"
 
     def end_effector(self, q: np.ndarray) -> np.ndarray:
-        """r_E(q) [m], along the declared axes."""
+        """r_E(q), along the declared axes [m], or of the declared joints [rad, m]."""
         return self._call("end_effector", q).ravel()
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:

@@ -42,12 +42,11 @@ def to_dataset(solution: Solution) -> xr.Dataset:
     problem, audit, optimality = solution.problem, solution.audit(), solution.optimality()
     actuation, mechanism = problem.actuation, problem.actuation.mechanism
     s = series(problem, solution.motion, max(POINTS, PER_COEFFICIENT * solution.motion.basis.size))
-    revolute = mechanism.revolute
-    force = ["N m" if revolute[i] else "N" for i in mechanism.actuated]
-    angle = ["rad" if turning else "m" for turning in revolute]
+    angle = mechanism.units
+    force = ["N m" if mechanism.revolute[i] else "N" for i in mechanism.actuated]
     energy = np.cumsum(positive(s.power)) * problem.cycle.period / s.t.size
     described = {
-        "r_E": (("time", "axis"), s.r_E, "end-effector position", "m"),
+        "r_E": (("time", "axis"), s.r_E, "end-effector position", mechanism.end_effector_unit),
         "q": (("time", "joint"), s.q, "joint position", "rad or m, see joint_unit"),
         "v": (("time", "joint"), s.v, "joint velocity", "joint_unit per s"),
         "q_M": (("time", "drive"), s.q_M, "motor position (output side)", "rad or m"),

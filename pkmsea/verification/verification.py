@@ -45,15 +45,15 @@ class Verification:
     in_cycles : the same in the last of the whole cycles, the feedback's torque included.
     gap : the larger difference of these two to `energy`, relative to the energy, or to IDLE of the drives' turnover
         where that is more.
-    end_effector, motors : largest deviation in a segment, [m] and [rad, m].
+    end_effector, motors : largest deviation in a segment [m, rad].
     deviations : largest deviation of each stored series from the simulated one in a segment, relative to its range;
         'flat_output' compares the stored coefficients with the stored series.
     closure : largest closure residual of all replays [m, rad].
     balance : |work of motors, friction and payload - change of mechanical energy| over the cycles, relative like `gap`.
-    periodicity : largest change of the end effector from cycle to cycle [m].
+    periodicity : largest change of the end effector from cycle to cycle [m, rad].
     feedback, feedback_energy : largest torque of the feedback relative to the peak torque, and the energy that it
         moves relative to the drives' turnover.
-    window : largest excess over a rest window in the cycles [m]; negative if kept.
+    window : largest excess over a rest window in the cycles [m, rad]; negative if kept.
     limits : relative excess per limited quantity in the cycles; negative if kept.
     inverse, direct : smallest distance to singularities of type 1 and 2, in [0, 1].
     resolution : error, relative to the peak torque, at which every second torque sample predicts those in between.
@@ -187,17 +187,19 @@ def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:
     checks = [
         (found["gap"] <= SAME_VALUE, "the result prints {energy:.5g} {unit}, its torque needs {simulated:.5g} {unit} "
          "in segments and {in_cycles:.5g} {unit} in whole cycles"),
-        (found["end_effector"] <= END_EFFECTOR * extent, "the end effector deviates by {end_effector:.1e} m"),
+        (found["end_effector"] <= END_EFFECTOR * extent, "the end effector deviates by {end_effector:.1e} {r_E}"),
         (not lost, f"these series of the result do not follow from its torque: {', '.join(lost)}"),
         (found["closure"] <= CLOSURE, "the loops open by {closure:.1e} m"),
         (found["balance"] <= BALANCE, "the simulation's power balance is off by {balance:.1e}"),
-        (found["periodicity"] <= PERIODICITY * extent, "after a cycle the end effector is off by {periodicity:.1e} m"),
+        (found["periodicity"] <= PERIODICITY * extent,
+         "after a cycle the end effector is off by {periodicity:.1e} {r_E}"),
         (found["feedback"] <= FEEDBACK, "holding the motion takes {feedback:.1e} of the peak torque"),
-        (found["window"] <= WINDOW_EXCESS * deviation, "a rest window is overstepped by {window:.1e} m"),
+        (found["window"] <= WINDOW_EXCESS * deviation, "a rest window is overstepped by {window:.1e} {r_E}"),
         (found["resolution"] <= RESOLUTION, "the samples are too coarse for the torque (off by {resolution:.1e})"),
         *((x <= LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in found["limits"].items()),
     ]  # fmt: skip
-    faults = [text.format(unit=said.problem.cost.unit, **found) for kept, text in checks if not kept]
+    told = {"unit": said.problem.cost.unit, "r_E": said.problem.mechanism.end_effector_unit, **found}
+    faults = [text.format(**told) for kept, text in checks if not kept]
     faults += [f"by the result's own audit, {fault}" for fault in said.solution.faults]
     optimality = found["optimality"]
     return *faults, *(optimality.faults if optimality else ())
