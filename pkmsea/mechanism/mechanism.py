@@ -40,8 +40,9 @@ class Mechanism(ClosedTree):
     def configuration(self, point: Sequence[float] | np.ndarray) -> np.ndarray:
         """All joints q (n,) with the end effector at a task-space point [m], on the declared assembly mode.
 
-        The point is approached from the seed along a straight line, in steps that shrink where the pose turns
-        quickly; the sign of det [G; J_E] may not change, so the branch never switches silently.
+        The point is approached from the seed along a straight line, or by detours where that leads out of the
+        workspace, in steps that shrink where the pose turns quickly; the sign of det [G; J_E] may not change, so the
+        branch never switches silently.
 
         Raises
         ------

@@ -19,7 +19,8 @@ TOLERANCE = 1e-12  # of closures, without units, and of end-effector positions u
 ITERATIONS = 30
 SAMPLES = 12  # closed poses at which the mobility is taken
 SCATTER = 0.4  # their spread in the joints [rad; of sliders, characteristic lengths]
-RESOLUTION = 2e-5  # of a way
+RESOLUTION, COARSE = 2e-5, 1e-2  # of a way; of one to a place that need not be reached
+DETOURS = 16  # places by way of which a point is looked for that lies in no straight line
 SMALL = 0.05  # a step to a neighbouring pose [rad; of sliders, characteristic lengths]
 
 
@@ -77,8 +78,8 @@ def pose_gap(mechanism: ClosedTree) -> ca.Function:
     return ca.Function("pose_gap", [q, y], ca.cse([A, gap, gap]), ["q", "y"], ["A", "gap", "right"])
 
 
-def follow(mechanism: ClosedTree, point: np.ndarray) -> np.ndarray:
-    """Continuation from the seed to `point` (see `Mechanism.configuration`)."""
+def follow(mechanism: ClosedTree, point: np.ndarray, detours: bool = True) -> np.ndarray:
+    """Continuation from the seed to `point` (see `Mechanism.configuration`), straight or by detours."""
     start = mechanism.end_effector(mechanism.seed)
     if point.shape != start.shape or not np.all(np.isfinite(point)):
         raise InputError(
@@ -88,24 +89,46 @@ def follow(mechanism: ClosedTree, point: np.ndarray) -> np.ndarray:
             key="point",
             value=point.tolist(),
         )
-    q, done = walk(mechanism, point)
-    if done < 1.0:
+    q, done = walk(mechanism, mechanism.seed, point)
+    if done == 1.0:
+        return q
+    around = _around(mechanism, point) if detours and point.size > 1 else None
+    if around is None:
         raise _unreachable(mechanism, point, start + done * (point - start))
-    return q
+    return around
+
+
+def _around(mechanism: ClosedTree, point: np.ndarray) -> np.ndarray | None:
+    """The pose at a point by way of places that a fixed random sequence draws around the straight way; None where all
+    lead nowhere. Each way begins at the nearest place that is known."""
+    rng, start = np.random.default_rng(0), mechanism.end_effector(mechanism.seed)
+    poses, places = [mechanism.seed], [start]
+    middle, far = (start + point) / 2, float(np.linalg.norm(point - start))
+    for target in middle + far * rng.uniform(-1, 1, (DETOURS, point.size)):
+        nearest = int(np.argmin([np.linalg.norm(place - target) for place in places]))
+        poses.append(walk(mechanism, poses[nearest], target, resolution=COARSE)[0])
+        places.append(mechanism.end_effector(poses[-1]))
+        q, done = walk(mechanism, poses[-1], point)
+        if done == 1.0:
+            return q
+    return None
 
 
 def walk(
-    mechanism: ClosedTree, point: np.ndarray, allowed: Callable[[np.ndarray], bool] = lambda q: True
+    mechanism: ClosedTree,
+    q: np.ndarray,
+    point: np.ndarray,
+    allowed: Callable[[np.ndarray], bool] = lambda q: True,
+    resolution: float = RESOLUTION,
 ) -> tuple[np.ndarray, float]:
-    """The pose farthest on the straight line from the seed to `point`, and its share of the way (to `RESOLUTION`).
+    """The pose farthest on the straight line from pose q to `point`, and its share of the way (to `resolution`).
 
     Steps shrink where the pose turns quickly; the sign of det A may not change, and `allowed` must hold.
     """
-    system = task_system(mechanism)
-    q, start = mechanism.seed, mechanism.end_effector(mechanism.seed)
+    system, start = task_system(mechanism), mechanism.end_effector(q)
     sign = np.sign(np.linalg.det(np.array(system(q)[1])))
     done, step = 0.0, 1.0
-    while done < 1.0 and step >= RESOLUTION:
+    while done < 1.0 and step >= resolution:
         target = start + min(done + step, 1.0) * (point - start)
         found = newton(system, q, target)
         if found is not None and np.sign(np.linalg.det(np.array(system(found)[1]))) == sign and allowed(found):

@@ -42,7 +42,7 @@ def reach(mechanism: Mechanism, direction: np.ndarray) -> float:
     lower = np.minimum(mechanism.model.lowerPositionLimit, mechanism.seed)
     upper = np.maximum(mechanism.model.upperPositionLimit, mechanism.seed)
     end = mechanism.end_effector(mechanism.seed) + far * direction
-    return far * pose.walk(mechanism, end, lambda q: bool(np.all((q >= lower) & (q <= upper))))[1]
+    return far * pose.walk(mechanism, mechanism.seed, end, lambda q: bool(np.all((q >= lower) & (q <= upper))))[1]
 
 
 def extent(mechanism: Mechanism) -> np.ndarray:
