@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import signal
 import sys
@@ -17,7 +18,7 @@ INTERRUPTED = 130  # how typer ends on Ctrl-C
 
 T = TypeVar("T")
 signals: list[int] = []  # that came
-_held = False  # whether a first signal waits for the next `interruptible`
+_deferring = False  # whether a first signal waits for the next `interruptible`
 _fresh = True  # whether nothing was `interruptible` yet, so that there is nothing to be lost
 
 
@@ -34,6 +35,8 @@ def run(app: Callable[[], Any]) -> None:
             raise
         print_error("stopped; what was finished is printed, and saved where -o was given ('pkmsea plot' draws it)")
         sys.exit(1)
+    finally:
+        gc.freeze()  # else Python searches all expressions for circles before it ends, which takes up to a second
 
 
 def print_error(error: BaseException | str) -> None:
@@ -61,14 +64,14 @@ def _heed_ctrl_c() -> bool:
     return ours
 
 
-def hold() -> None:
+def defer() -> None:
     """From now on, let a first signal wait for the next `interruptible`, so that results are written to their end.
 
     A second one does not wait; and before the first `interruptible` a signal ends the process at once, because imports
     may swallow an exception.
     """
-    global _held
-    _held = True
+    global _deferring
+    _deferring = True
 
 
 @contextmanager
@@ -77,16 +80,16 @@ def interruptible() -> Iterator[None]:
 
     CasADi, for one, makes another exception of it on its way: after a signal that is a KeyboardInterrupt again.
     """
-    global _held, _fresh
+    global _deferring, _fresh
     stop_if()
-    _held = _fresh = False
+    _deferring = _fresh = False
     try:
         yield
     except Exception:
         stop_if()
         raise
     finally:
-        hold()
+        defer()
 
 
 def each(items: Iterator[T]) -> Iterator[T]:
@@ -107,7 +110,7 @@ def stop_if(interrupted: bool = False) -> None:
 
 
 @contextmanager
-def noticed() -> Iterator[None]:
+def deferred() -> Iterator[None]:
     """Where Ctrl-C is kept in `signals` until the end, as in a command: on its way a library may make another exception
     of it, which looks like a failure of its own."""
     ours = threading.current_thread() is threading.main_thread() and _heed_ctrl_c()
@@ -121,9 +124,9 @@ def noticed() -> Iterator[None]:
 
 def _stop(number: int, frame: Any) -> None:
     signals.append(number)
-    if _held and _fresh:
+    if _deferring and _fresh:
         os.write(sys.stderr.fileno(), b"pkmsea: stopped\n")
         atexit._run_exitfuncs()  # folders for temporary files go
         os._exit(1)
-    if not _held or len(signals) > 1:
+    if not _deferring or len(signals) > 1:
         raise KeyboardInterrupt

@@ -92,8 +92,8 @@ def _copy(source: Path, target: Path) -> None:
 def _take_meshes(folder: Path, source: Source) -> None:
     for mesh in source.root.findall("link/visual/geometry/mesh"):
         name = mesh.get("filename", "")
-        found, target = meshes.resolve(name, source.folder), folder / meshes.relative(name)
-        if found is not None and target.resolve().is_relative_to(folder.resolve()):
+        found, target = meshes.resolve(name, source.folder), meshes.beside(name, folder)
+        if found is not None and target is not None:
             _copy(found, target)
 
 

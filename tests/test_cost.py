@@ -36,10 +36,10 @@ def test_exact_derivatives(cost: Cost) -> None:
     nlp = flat.nlp(x, limited=False)
     p = nlp.parameter(0, x)
     f, slope = (lambda at: float(nlp.oracle(at, p)[0])), nlp.derivatives["grad_f"]
-    at, h = x / nlp.stacked("scale"), 1e-6
-    direction = np.random.default_rng(4).normal(size=x.size) * 1e-2
-    change = (f(at + h * direction) - f(at - h * direction)) / (2 * h)
-    assert float(ca.dot(slope(at, p)[1], direction)) == pytest.approx(change, rel=1e-4)
+    h = 1e-6
+    direction = np.random.default_rng(4).normal(size=x.size) * 1e-2 * nlp.stacked("scale")
+    change = (f(x + h * direction) - f(x - h * direction)) / (2 * h)
+    assert float(ca.dot(slope(x, p)[1], direction)) == pytest.approx(change, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["rms_torque", "peak_power"])
@@ -53,11 +53,11 @@ def test_each_cost_is_least_where_it_is_minimised(name: str, tmp_path) -> None:
         s, numbers = solution.series, problem.actuation.each
         energies[minimised] = [each.value(each.exact(s.tau.T, s.v_M.T, numbers), s.t[1]) for each in (ENERGY, cost)]
     assert energies["energy"][0] < energies[name][0] and energies[name][1] < energies["energy"][1]
-    assert solution.energy == energies[name][1]
-    assert solution.cost.show(solution.energy) in repr(solution) and cost.unit in repr(solution.audit())
-    assert load(solution.save(tmp_path / "result.nc")).energy == solution.energy
+    assert solution.value == energies[name][1]
+    assert solution.cost.show(solution.value) in repr(solution) and cost.unit in repr(solution.audit())
+    assert load(solution.save(tmp_path / "result.nc")).value == solution.value
     (record,) = records.solutions([solution], solution, {})
-    assert record[f"{name}_true"] == solution.energy and "energy" not in record
+    assert record[name] == solution.value and record["energy"] == solution.energy > 0
     assert verify(solution).gap < 1e-2
 
 
@@ -77,7 +77,7 @@ class CopperLoss(Cost):
 def test_a_cost_of_ones_own() -> None:
     """Proportional to the square of the RMS torque where all drives are alike: the same optimum."""
     problem = build_problem(task("pkm_2rrr", RIGID, options=COARSE))
-    own, rms = (solve(replace(problem, cost=cost), workers=1).energy for cost in (CopperLoss(), RmsTorque()))
+    own, rms = (solve(replace(problem, cost=cost), workers=1).value for cost in (CopperLoss(), RmsTorque()))
     assert own == pytest.approx(problem.kappa[0] * rms**2 * problem.cycle.period, rel=1e-6)
 
 

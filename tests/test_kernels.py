@@ -57,7 +57,7 @@ def by_machine(
         for name, x in zip(function.name_in(), arguments, strict=True)
     ]
     pipeline = Pipeline(k, lanes)
-    pipeline.call(program(function, uniform), given_, outputs)
+    pipeline.call(program(function, tuple(uniform)), given_, outputs)
     pipeline.run(threads)
     return outputs
 

@@ -14,6 +14,7 @@ from pkmsea.motion import Motion
 from pkmsea.problem import build_problem
 from pkmsea.solution import Solution, solve
 from pkmsea.solver import Optimality, Outcome, Start, optima, optimality
+from pkmsea.solver.nlp import scaled
 from pkmsea.solver.optimality import _derivatives, _gradient, _sides, fit
 from pkmsea.transcription.nlp import Nlp, Variable
 from pkmsea.verification import verify
@@ -28,17 +29,17 @@ def nlp(f: Any, g: Any, x: ca.MX, bounds: list[tuple[float, float]], **changes: 
     n = x.numel()
     low, high = changes.get("box", (np.full(n, -np.inf), np.full(n, np.inf)))
     scale = np.array(changes.get("scale", np.ones(n)))
-    physical = ca.substitute([f, g], [x], [x * scale])
-    oracle = ca.Function("nlp", [x, ca.MX.sym("p")], physical, ["x", "p"], ["f", "g"])
+    oracle = ca.Function("nlp", [x, ca.MX.sym("p")], [f, g], ["x", "p"], ["f", "g"])
     lower, upper = np.array(bounds, float).reshape(-1, 2).T
     return Nlp((Variable("x", low, high, scale, np.zeros(n)),), lower, upper, oracle, 1, lambda step, x: P)
 
 
 def multipliers(problem: Nlp, x: np.ndarray) -> dict[tuple[int, float], float]:
     """By constraint (behind them the variables) and side."""
-    functions, scaled = _derivatives(problem), x / problem.stacked("scale")
-    sides = _sides(problem, scaled, P, functions)[1]
-    found = fit(_gradient(functions, scaled, P), sides)[0]
+    solved = scaled(problem)
+    functions, z = _derivatives(solved), x / solved.scale
+    sides = _sides(problem, solved, z, P, functions)[1]
+    found = fit(_gradient(functions, z, P), sides)[0]
     return {(int(i), float(s)): float(m) for i, s, m in zip(sides.constraint, sides.sign, found, strict=True)}
 
 
@@ -125,7 +126,7 @@ def test_a_solved_cycle_is_a_minimum(solved: Solution) -> None:
     assert found is not None
     assert found.kind == "minimum" and not found.faults
     assert found.error < 1e-5  # measured 2e-8; IPOPT's own tolerance is 1e-6
-    assert found.unit == solved.energy
+    assert found.unit == solved.value
 
 
 @pytest.mark.parametrize("what", ["stiffness", "detour"])
@@ -183,7 +184,7 @@ def test_optima_are_counted() -> None:
         start(6, 1.1, 0.3, repeats=5),
         start(7, np.inf, 0.1),
     ]
-    found = [(optimum.energy, optimum.count, optimum.finished) for optimum in optima(starts)]
+    found = [(optimum.claimed, optimum.count, optimum.finished) for optimum in optima(starts)]
     assert found == [(1.0, 4, True), (1.1, 2, False), (1.2, 1, True)]
     from_a_neighbour = start(0, 0.9, 0.1, finished=True)  # its index is one of the others'
     assert sum(optimum.count for optimum in optima([from_a_neighbour, *starts])) == len(starts)
@@ -192,4 +193,4 @@ def test_optima_are_counted() -> None:
 def test_every_start_is_counted(solved: Solution) -> None:
     counted = sum(optimum.count for optimum in solved.optima)
     assert counted + sum(not s.usable for s in solved.starts) == len(solved.starts) == 3
-    assert [o.energy for o in solved.optima] == sorted(o.energy for o in solved.optima)
+    assert [o.claimed for o in solved.optima] == sorted(o.claimed for o in solved.optima)

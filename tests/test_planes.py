@@ -12,6 +12,7 @@ from linkage import four_bar, tree
 from pkmsea.errors import InputError
 from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.solution import solve
+from pkmsea.solution.store import changed
 from pkmsea.verification import verify
 from pkmsea.verification.loops import Loops
 
@@ -118,5 +119,7 @@ def test_a_solution_of_layers_is_verified(tmp_path: Path) -> None:
     points = [{"at": [x], "rest": 0.1, "window": 1e-3} for x in (0.18, 0.24)]
     drives = {"kind": "sea", "inertia": 0.01, "copper_loss": 1.0, "stiffness": 20}
     quick = {"cycle": {"period": 1.0, "points": points}, "options": {"trajectory": FOURIER, "starts": 1}}
-    found = verify(solve(task(str(folder), drives, **quick), workers=1))
+    solution = solve(task(str(folder), drives, **quick), workers=1)
+    found = verify(solution)
     assert found.verified and found.closure < 1e-9, found.status
+    assert changed(solution.save(tmp_path / "result.nc")) == ""  # what was put right is no other mechanism

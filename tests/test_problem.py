@@ -138,7 +138,7 @@ def test_workers_solve_the_transcription_that_they_get(slider: Problem) -> None:
     """Not the one that the problem's options name."""
     once = replace(slider, options=slider.options.model_copy(update={"meshes": 1}))
     coarse = FlatTranscription(once, Spline(kind="spline", knots=32), None)
-    one, two = ([start.energy for start in multistart(coarse, workers)[0]] for workers in (1, 2))
+    one, two = ([start.claimed for start in multistart(coarse, workers)[0]] for workers in (1, 2))
     assert one == pytest.approx(two, rel=SAME)
     assert solve(coarse, workers=1).meshes[0].size == 32
 

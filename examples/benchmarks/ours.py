@@ -88,7 +88,7 @@ def solve(transcription: Transcription, x: np.ndarray, last_step: bool = False) 
         "seconds": time.perf_counter() - begin,
         "solver_seconds": sum(point.seconds for point in points),
         "evaluation_seconds": sum(point.evaluation for point in points),
-        "claimed": transcription.energy(x),
+        "claimed": transcription.claimed(x),
     }
     return record, x
 
@@ -100,7 +100,7 @@ def truth(posed: Problem, motion: Motion, claimed: float) -> dict[str, Any]:
         found, _ = audit(posed, motion, claimed)
     except (FloatingPointError, np.linalg.LinAlgError):
         return {"stiffness": stiffness, "energy": None, "window": None}
-    return {"stiffness": stiffness, "energy": found.energy, "window": found.window}
+    return {"stiffness": stiffness, "energy": found.value, "window": found.window}
 
 
 def through(posed: Problem, r_E: np.ndarray, stiffness: np.ndarray) -> Motion:

@@ -37,7 +37,7 @@ def one(transcription: Transcription, index: int) -> dict[str, Any]:
         start = finish(transcription, start)
     found = refine(transcription, start) if start.usable else None
     end = start.outcome.value if found is None else "not verified"
-    energy = None if found is None else found.audit.energy
+    energy = None if found is None else found.audit.value
     if found is not None and found.verified:
         end = f"verified, {found.meshes[-1].outcome}"
     return {"end": end, "energy": energy, "seconds": time.perf_counter() - begin}

@@ -39,8 +39,8 @@ class StageFunctions:
     that changes from instant to instant; p; r, NUMBERS of all drives; load, the payload's mass [kg]; mu, weights
     of s_D; nu, adjoints of the equations; D_g, the columns of dxi_g/dw that are not zero, group by group.
 
-    The outputs s are two of each drive, as its kind says, drive by drive; s_D are these, and the `limited` ones of q,
-    v, a of all joints.
+    The outputs s are two of each drive, as its kind says: the first one of all drives, then the second one; s_D are
+    these, and those of q, v, a of all joints that are `limited`.
 
     Attributes
     ----------
@@ -112,8 +112,10 @@ def stage(structure: Structure) -> Stage:
         ca.cse(on_joints(u + parallel, mechanism.actuated, n) + closure_forces - joint_load(structure, q, v, a, mass)),
     )
     free = {i: z[j] for j, i in enumerate(structure.free)}
-    outputs = [kind.outputs(drives[i], u[i], free.get(i)) for i, kind in enumerate(structure.kinds)]
-    s = ca.vertcat(*[row for pair in outputs for row in pair], q, v, a)
+    first, second = zip(
+        *(kind.outputs(drives[i], u[i], free.get(i)) for i, kind in enumerate(structure.kinds)), strict=True
+    )
+    s = ca.vertcat(*first, *second, q, v, a)
     A = ca.cse(ca.densify(ca.jacobian(Psi, q)))
     L = ca.horzcat(ca.SX(dependent_columns(structure)), A[: n - delta, :].T)
     edges = (0, n, 2 * n, 3 * n, 3 * n + k, 4 * n + k)

@@ -21,7 +21,6 @@ import numpy as np
 from pkmsea.actuation import laws
 from pkmsea.actuation.kinds import DriveAt
 from pkmsea.actuation.structure import Structure, dependent_columns, joint_load, on_joints, stack
-from pkmsea.bridge import _bridge
 from pkmsea.kernels import Pipeline, named_function, program
 from pkmsea.mechanism import pose
 
@@ -125,9 +124,9 @@ class FlatBatch:
             (functions.motion, functions.forces), solved, (factors_A, factors_L), strict=True
         ):
             for right, name in zip(group, unknowns, strict=False):
-                self._pipeline.call(_program(right), given, [self._arrays[name]])
+                self._pipeline.call(program(right, UNIFORM), given, [self._arrays[name]])
                 self._pipeline.solve(factors, self._arrays[name])
-        self._pipeline.call(_program(functions.outputs), given, self._results)
+        self._pipeline.call(program(functions.outputs, UNIFORM), given, self._results)
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """q_M, v_M, tau, u, v, a, overwritten by the next call."""
@@ -135,8 +134,3 @@ class FlatBatch:
             self._arrays[name].T[...] = given
         self._pipeline.run(self._threads)
         return [x.T for x in (*self._results, self._arrays["v"], self._arrays["a"])]
-
-
-@lru_cache(maxsize=128)
-def _program(function: ca.Function) -> _bridge.Program:
-    return program(function, UNIFORM)

@@ -22,7 +22,7 @@ class SignalFunctions:
     """Functions of one instant. Inputs: z; r, NUMBERS of all drives; eps, by which the cost's rate is smoothed; factor
     of that rate, and mu (h,), weights of the signals.
 
-    Signals h: tau_i and v_i of each drive, then the limited motions of joints as they are.
+    Signals h: tau (m), v (m), then the limited motions of joints as they are.
 
     Attributes
     ----------
@@ -40,7 +40,9 @@ class SignalFunctions:
 
 def rows(structure: Structure, joints: int) -> list[tuple[int, int]]:
     """Per entry of z, its row in the outputs s_D and how often it is differentiated in time."""
-    drives = [(2 * i + output, order) for i, kind in enumerate(structure.kinds) for output, order in kind.rows]
+    drives = [
+        (output * structure.m + i, order) for i, kind in enumerate(structure.kinds) for output, order in kind.rows
+    ]
     return drives + [(2 * structure.m + j, 0) for j in range(joints)]
 
 
@@ -53,8 +55,8 @@ def signal_functions(structure: Structure, cost: Cost, joints: int) -> SignalFun
     numbers = structure.numbers(r)
     own = [ca.vertsplit(z[slice(*at)]) for at in pairwise(first)]
     signals = [kind.signals(numbers[i], own[i]) for i, kind in enumerate(structure.kinds)]
-    h = ca.vertcat(*[x for pair in signals for x in pair], z[first[-1] :])
     tau, v = zip(*signals, strict=True)
+    h = ca.vertcat(*tau, *v, z[first[-1] :])
     rate = cost.rate(tau, v, numbers, eps)
     weighted = factor * rate + ca.dot(mu, h)
     Hessian, gradient = ca.hessian(weighted, z)

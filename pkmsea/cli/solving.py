@@ -21,7 +21,7 @@ def solve(
     json_: Json = False,
 ) -> None:
     """Solve a task: every setup that it lists, side by side."""
-    ending.hold()
+    ending.defer()
     from pkmsea import solution
     from pkmsea.errors import PkmseaError, SolveError
     from pkmsea.files import check_writable, file_name
@@ -79,7 +79,7 @@ def reproduce(
     json_: Json = False,
 ) -> None:
     """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
-    ending.hold()
+    ending.defer()
     from pkmsea.errors import PkmseaError, SolveError
     from pkmsea.files import check_writable
     from pkmsea.paper.reproduce import TABLES, Row, paper_task

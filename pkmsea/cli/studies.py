@@ -25,7 +25,7 @@ def study(
     json_: Json = False,
 ) -> None:
     """Sweep numbers of a task and its mechanisms; resumes where it was stopped."""
-    ending.hold()
+    ending.defer()
     from pkmsea.files import check_writable
     from pkmsea.study import load_study, run_study
     from pkmsea.views import study_table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -11,8 +12,9 @@ from pkmsea.bridge import _bridge
 from pkmsea.errors import BridgeError
 
 
-def program(function: ca.Function, uniform: Sequence[str] = ()) -> _bridge.Program:
-    """The instructions of an SX Function; `uniform` names the inputs that are the same at all instants.
+@lru_cache(maxsize=512)
+def program(function: ca.Function, uniform: tuple[str, ...] = ()) -> _bridge.Program:
+    """The instructions of an SX Function; `uniform` are names that inputs may have which are the same at all instants.
 
     Values are those of `Function.map` to the last bit, but for sin, cos and exp, which are within 2 ulp of libm's.
 
@@ -20,12 +22,8 @@ def program(function: ca.Function, uniform: Sequence[str] = ()) -> _bridge.Progr
     ------
     BridgeError : the Function is no SX Function, or has an instruction that the machine does not know.
     """
-    names = function.name_in()
-    unknown = set(uniform) - set(names)
-    if unknown:
-        raise ValueError(f"{function.name()} has no inputs {sorted(unknown)}")
     try:
-        return _bridge.Program(function.serialize(), [name in uniform for name in names])
+        return _bridge.Program(function.serialize(), [name in uniform for name in function.name_in()])
     except _bridge.UnknownInstruction as error:
         raise BridgeError(
             f"This Function cannot run on the vector machine: {error}.",

@@ -65,8 +65,8 @@ class Row:
         return {
             "table": self.table,
             "setup": self.setup,
-            "energy": s.claimed,
-            "energy_true": s.energy,
+            "energy": s.energy,
+            "claimed": s.claimed,
             "ratio": self.ratio,
             "reference_verified": self.reference_verified,
             "stiffness": [float(c) for c in s.stiffness],

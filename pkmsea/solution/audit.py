@@ -29,21 +29,21 @@ class Audit:
 
     Attributes
     ----------
-    energy : value of the cost, by default the integral of max(P, 0) over one period [J]; the truth.
+    value : of the cost, by default the integral of max(P, 0) over one period [J]; the truth.
     claimed : the transcription's own value.
     scale : what differences of values are relative to: the value, or, of an energy, IDLE of the drives' turnover if
         that is more.
-    gap : |claimed - energy| / scale.
+    gap : |claimed - value| / scale.
     closure : largest closure residual [m].
     window : largest excess over a rest window at any instant, in its own units [m, rad]; zero or negative if kept.
     limits : relative excess per limited quantity, e.g. {"tau A": -0.4}; negative if kept.
     balance : |integral of tau v_M less the power of friction, dampers, payload|, relative likewise; zero if periodic.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
     faults : what keeps the result from being verified, one sentence each.
-    cost : what `energy`, `claimed` and `scale` are values of.
+    cost : what `value`, `claimed` and `scale` are values of.
     """
 
-    energy: float
+    value: float
     claimed: float
     scale: float
     gap: float
@@ -62,7 +62,7 @@ class Audit:
 
     def __repr__(self) -> str:
         status = f"not verified: {'; '.join(self.faults)}" if self.faults else "verified"
-        return one_line(f"<Audit: {self.cost.show(self.energy)}, claimed {self.cost.show(self.claimed)}, {status}>")
+        return one_line(f"<Audit: {self.cost.show(self.value)}, claimed {self.cost.show(self.claimed)}, {status}>")
 
 
 def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Series]:
@@ -70,14 +70,14 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     s = series(problem, motion)
     mean = problem.cycle.period / s.t.size
     actuation, cost = problem.actuation, problem.cost
-    energy = cost.value(cost.exact(s.tau.T, s.v_M.T, actuation.each), mean)
+    value = cost.value(cost.exact(s.tau.T, s.v_M.T, actuation.each), mean)
     turnover = float(np.abs(s.u * s.v[:, problem.actuation.mechanism.actuated]).sum() * mean)
-    scale = cost.scale(energy, IDLE * turnover)
+    scale = cost.scale(value, IDLE * turnover)
     given = s.q, s.v, s.a, s.v_M, actuation.load(s.t)[:, None], actuation.r
     lost = Batch(losses(actuation.structure), s.t.size)(*given)[0].sum()
     off = abs(float(((s.tau * s.v_M).sum() - lost) * mean))
     balance = off / ENERGY.turnover(s.power, mean, IDLE * turnover)
-    gap = abs(claimed - energy) / scale
+    gap = abs(claimed - value) / scale
     mechanism = problem.actuation.mechanism
     inverse, direct = pose.singularity(mechanism, s.q[::BETWEEN_SINGULAR])
     closed = mechanism.functions["closure_residual"].map(s.t.size)(s.q.T)
@@ -87,7 +87,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     checks = [
         (
             gap > problem.options.energy_tolerance,
-            f"the transcription claims {cost.show(claimed)}, the dense grid gives {cost.show(energy)}",
+            f"the transcription claims {cost.show(claimed)}, the dense grid gives {cost.show(value)}",
         ),
         (balance > BALANCE, f"the power balance is off by {balance:.1e}"),
         (closure > CLOSURE, f"the loops open by {closure:.1e} m"),
@@ -97,7 +97,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     ]
     faults = tuple(text for failed, text in checks if failed)
     to_inverse, to_direct = float(inverse.min()), float(direct.min())
-    return Audit(energy, claimed, scale, gap, closure, window, limits, balance, to_inverse, to_direct, faults, cost), s
+    return Audit(value, claimed, scale, gap, closure, window, limits, balance, to_inverse, to_direct, faults, cost), s
 
 
 def _window_excess(problem: Problem, motion: Motion) -> float:

@@ -20,7 +20,7 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
 
     None where the motion has no NLP: the paper's transcription, no solved mesh, or a stiffness outside its bounds.
     """
-    solved = [mesh for mesh in meshes if mesh.energy is not None]
+    solved = [mesh for mesh in meshes if mesh.value is not None]
     transcription = transcribe_on(problem, motion.basis, solved[-1].samples) if solved else None
     if transcription is None:
         return None
@@ -35,8 +35,8 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
         try:
             nlp = transcription.nlp(x, limited)
             p = last_parameter(nlp, x)
-            J = float(nlp.oracle(x / nlp.stacked("scale"), p)[0])
-            found = optimality(nlp, x, p, problem.cost.in_objective(unit, transcription.energy(x), J))
+            J = float(nlp.oracle(x, p)[0])
+            found = optimality(nlp, x, p, problem.cost.in_objective(unit, transcription.claimed(x), J))
         except (FloatingPointError, RuntimeError):  # CasADi's word for a point that cannot be evaluated
             return None
         if found.stationary or not problem.bounds:

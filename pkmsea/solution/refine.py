@@ -1,4 +1,4 @@
-"""Refinement: an optimum on finer and finer meshes, until claimed and true energy and two successive meshes agree."""
+"""Refinement: an optimum on finer meshes, until the cost as claimed and as it is, and two successive meshes, agree."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SOFTER = slice(1, None)  # steps of the second try, where sharpening at once fai
 
 @dataclass(frozen=True)
 class Mesh:
-    """One mesh of the refinement, and what it claimed against the truth [J]; None where it could not be solved.
+    """One mesh of the refinement, and the cost that it claimed, and the true value; None where it could not be solved.
 
     `size` is the number of coefficients per entry of the flat output, `outcome` how its last solve ended.
     """
@@ -26,7 +26,7 @@ class Mesh:
     samples: int
     outcome: str
     claimed: float | None
-    energy: float | None
+    value: float | None
     iterations: int
     seconds: float
 
@@ -46,15 +46,15 @@ class Refined:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Verified ones first, then by true energy."""
-        return not self.verified, self.audit.energy
+        """Verified ones first, then by true value."""
+        return not self.verified, self.audit.value
 
 
 def agree(meshes: Sequence[Mesh], scale: float, tolerance: float) -> bool:
-    """Whether the true energies of the last two meshes differ by no more than tolerance * scale."""
+    """Whether the true values of the last two meshes differ by no more than tolerance * scale."""
     if len(meshes) < 2:
         return False
-    before, last = (mesh.energy for mesh in meshes[-2:])
+    before, last = (mesh.value for mesh in meshes[-2:])
     return before is not None and last is not None and abs(last - before) <= tolerance * scale
 
 
@@ -63,15 +63,15 @@ def unrefined(transcription: Transcription, start: Start) -> Refined | None:
     assert start.x is not None
     problem, motion = transcription.problem, transcription.motion(start.x)
     try:
-        found = audit(problem, motion, start.energy)[0]
+        found = audit(problem, motion, start.claimed)[0]
     except FloatingPointError:
         return None
     mesh = Mesh(
         transcription.size,
         transcription.samples,
         start.outcome.value,
-        start.energy,
-        found.energy,
+        start.claimed,
+        found.value,
         start.iterations,
         start.seconds,
     )
@@ -101,9 +101,9 @@ def refine(transcription: Transcription, start: Start) -> Refined | None:
 def _solve_from(finer: Transcription, found: Refined, start: Start) -> Refined | None:
     """The optimum on a finer mesh that is no worse than the motion it starts from, which the mesh contains."""
     x = finer.transfer(found.motion)
-    enough = found.audit.energy + found.tolerance * found.audit.scale
+    enough = found.audit.value + found.tolerance * found.audit.scale
     for steps in (SHARPENING, SOFTER):
         solved = improve(finer, start.index, x, steps, limited=start.limited, warm=True)
-        if solved.usable and (solved.outcome is Outcome.OPTIMAL or solved.energy <= enough):
+        if solved.usable and (solved.outcome is Outcome.OPTIMAL or solved.claimed <= enough):
             return unrefined(finer, solved)
     return None

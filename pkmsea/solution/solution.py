@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import json
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pkmsea.actuation.cost import ENERGY, positive
+from pkmsea.description import meshes
 from pkmsea.errors import SolveError, one_line
 from pkmsea.motion import Motion
 from pkmsea.motion.series import Series
-from pkmsea.problem import Cost, Problem
+from pkmsea.problem import Cost, Problem, task_of
+from pkmsea.solution import netcdf
 from pkmsea.solution.audit import Audit, audit
 from pkmsea.solution.local import optimality_of
+from pkmsea.solution.netcdf import Array, Dataset
+from pkmsea.solution.records import arrays_of, start_record
 from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Optimality, Optimum, Start, optima
 from pkmsea.transcription import TRANSCRIPTIONS
 
-STATED = 1e-6  # difference of a file's energy from the recomputed one, relative like the audit's gap
+FORMAT = "pkmsea result 2"
+MESH = "mesh"  # attribute of the copy of a mesh file: the name that the tree gives it
+PACKAGES = ("pkmsea", "casadi", "pin", "numpy")  # whose versions are stored
+STATED = 1e-6  # difference of a file's value from the recomputed one, relative like the audit's gap
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,7 +45,7 @@ class Solution:
     meshes : the refinement.
     seconds : wall time of the whole solve.
     interrupted : whether Ctrl-C ended the multi-start early; the solution is the best of what was found by then.
-    stated : true value that the file states from which this was loaded; None if it was solved.
+    stated, file : true value that the file states from which this was loaded, and the file; None if it was solved.
     """
 
     problem: Problem
@@ -46,6 +56,7 @@ class Solution:
     seconds: float
     interrupted: bool = False
     stated: float | None = None
+    file: Path | None = None
 
     @cached_property
     def _audited(self) -> tuple[Audit, Series]:
@@ -83,9 +94,15 @@ class Solution:
         return self._audited[1]
 
     @property
+    def value(self) -> float:
+        """True value of the problem's cost on a dense grid: by default the energy."""
+        return self.audit().value
+
+    @property
     def energy(self) -> float:
-        """True value of the problem's cost on a dense grid: by default the energy per cycle [J]."""
-        return self.audit().energy
+        """True electrical energy per cycle [J], whatever the cost: the integral of max(P, 0) on a dense grid."""
+        power = self.series.power
+        return ENERGY.value(positive(power), self.problem.cycle.period / power.size)
 
     @property
     def cost(self) -> Cost:
@@ -110,7 +127,7 @@ class Solution:
     def faults(self) -> tuple[str, ...]:
         """What keeps the result from being verified.
 
-        The audit's faults, meshes that do not agree, and a file that states another energy than its motion has.
+        The audit's faults, meshes that do not agree, and a file that states another value than its motion has.
         """
         try:
             audit, options = self.audit(), self.problem.options
@@ -120,10 +137,10 @@ class Solution:
         if TRANSCRIPTIONS[options.transcription].refines and not agree(
             self.meshes, audit.scale, options.energy_tolerance
         ):
-            values = ["unsolved" if mesh.energy is None else self.cost.show(mesh.energy) for mesh in self.meshes]
+            values = ["unsolved" if mesh.value is None else self.cost.show(mesh.value) for mesh in self.meshes]
             faults.append(f"no two successive meshes agree ({', '.join(values)})")
-        if self.stated is not None and not abs(self.stated - audit.energy) <= STATED * audit.scale:
-            stated, found = (self.cost.show(value, ".6g") for value in (self.stated, audit.energy))
+        if self.stated is not None and not abs(self.stated - audit.value) <= STATED * audit.scale:
+            stated, found = (self.cost.show(value, ".6g") for value in (self.stated, audit.value))
             faults.append(f"the file states {stated}, its motion takes {found}")
         return tuple(faults)
 
@@ -140,16 +157,42 @@ class Solution:
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
         try:
-            energy = self.cost.show(self.energy)
+            value = self.cost.show(self.value)
         except SolveError:
-            energy = f"no {self.cost.label}"
-        return one_line(f"<Solution '{self.name}': {energy}, stiffness [{springs}], {self.status}>")
+            value = f"no {self.cost.label}"
+        return one_line(f"<Solution '{self.name}': {value}, stiffness [{springs}], {self.status}>")
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
+    def dataset(self) -> Dataset:
+        """The result file's content: labelled time series, with the record of the solve as attributes."""
+        problem, audit, optimality = self.problem, self.audit(), self.optimality()
+        description = problem.mechanism.description
+        copies = {
+            f"mesh_{i}": Array((f"byte_{i}",), np.frombuffer(content, np.uint8), {MESH: name})
+            for i, (name, content) in enumerate(meshes.contents(description).items())
+        }
+        record = {
+            "format": FORMAT,
+            "setup": problem.name,
+            "task": task_of(problem).model_dump_json(),
+            "mechanism": description.model_dump_json(),
+            "basis": self.motion.basis.trajectory.model_dump_json(),
+            problem.cost.name: audit.value,
+            "claimed": self.claimed,
+            "status": self.status,
+            "audit": json.dumps({key: value for key, value in asdict(audit).items() if key != "cost"}),
+            "optimality": json.dumps(optimality and asdict(optimality)),
+            "optima": json.dumps([asdict(optimum) for optimum in self.optima]),
+            "starts": json.dumps([start_record(start) for start in self.starts]),
+            "meshes": json.dumps([asdict(mesh) for mesh in self.meshes]),
+            "seconds": self.seconds,
+            "versions": json.dumps({name: version(name) for name in PACKAGES}),
+        }
+        return Dataset(arrays_of(problem, self.motion) | copies, record)
+
     def save(self, path: str | Path) -> Path:
         """Write the result file (NetCDF), whole or not at all; see `pkmsea.solution.store`."""
-        from pkmsea.solution.store import save
-
-        return save(self, Path(path))
+        netcdf.write(self.dataset(), path := Path(path))
+        return path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 
 from pkmsea.errors import Infeasible, InputError, NotConverged, blaming
@@ -54,7 +55,7 @@ def solve(
             starts, interrupted = multistart(transcription, workers, progress)
         else:
             starts, interrupted = [restart(transcription, near.motion)], False
-        return chosen(transcription, starts, workers=workers, begin=begin, interrupted=interrupted)
+        return select(transcription, starts, workers=workers, begin=begin, interrupted=interrupted)
 
 
 def _transcribed(source: Task | Problem | Transcription, setup: str | None) -> Transcription:
@@ -73,33 +74,33 @@ def _transcribed(source: Task | Problem | Transcription, setup: str | None) -> T
     return source
 
 
-def chosen(
+def select(
     transcription: Transcription,
     starts: Sequence[Start],
     *,
     workers: int | None = None,
     begin: float,
     interrupted: bool = False,
-    sure: Sequence[Start] = (),
+    required: Sequence[Start] = (),
 ) -> Solution:
     """Refine the best distinct optima of some starts; the best verified one is the solution. Raises as `solve` does.
 
-    `begin` is when the starts began, by `time.perf_counter`; after an interrupt nothing is refined. The `sure` starts
-    are refined whatever they claim on the first mesh.
+    `begin` is when the starts began, by `time.perf_counter`; after an interrupt nothing is refined. The `required`
+    starts are refined whatever they claim on the first mesh.
     """
     problem = transcription.problem
     finished = [start for start in starts if start.finished]
     candidates = _promising(distinct(finished or starts))
-    candidates += [start for start in sure if start.usable and start not in candidates]
+    candidates += [start for start in required if start.usable and start not in candidates]
     if not candidates and interrupted:
         raise KeyboardInterrupt
     if not candidates:
         raise _nothing_found(problem, starts)
     found: list[Refined | None] = []
     if not interrupted:
-        found, interrupted = _refined(transcription, workers, candidates, sure)
+        found, interrupted = _refined(transcription, workers, candidates, required)
     if interrupted:
-        found = [unrefined(transcription, start) for start in candidates]
+        found = list(islice(filter(None, (unrefined(transcription, start) for start in candidates)), 1))
     best = min((x for x in found if x is not None), key=lambda x: x.rank, default=None)
     if best is None:
         raise _unusable(problem)
@@ -108,7 +109,7 @@ def chosen(
 
 
 def _refined(
-    transcription: Transcription, workers: int | None, optima: list[Start], sure: Sequence[Start]
+    transcription: Transcription, workers: int | None, optima: list[Start], required: Sequence[Start]
 ) -> tuple[list[Refined | None], bool]:
     """The best optimum on finer meshes, then those that these may bring before it; True after an interrupt."""
 
@@ -119,9 +120,9 @@ def _refined(
     found, interrupted = all_of([first])
     best = found[0] if found else None
     if best is not None and best.verified:
-        energy = best.audit.energy
-        most = energy + GAIN * (first.energy - energy)
-        others = [start for start in others if start.energy < most or start in sure]
+        value = best.audit.value
+        most = value + GAIN * (first.claimed - value)
+        others = [start for start in others if start.claimed < most or start in required]
     if interrupted or not others:
         return found, interrupted
     more, interrupted = all_of(others)
@@ -136,7 +137,7 @@ def solve_all(task: Task | str | Path, *, workers: int | None = None) -> list[So
 
 def _promising(optima: list[Start]) -> list[Start]:
     """The best few, which a finer mesh may bring into another order."""
-    return [start for start in optima if start.energy <= (1 + NEAR) * optima[0].energy][:REFINED]
+    return [start for start in optima if start.claimed <= (1 + NEAR) * optima[0].claimed][:REFINED]
 
 
 def _unusable(problem: Problem) -> NotConverged:

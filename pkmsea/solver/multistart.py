@@ -30,7 +30,7 @@ class Start:
     ----------
     index : 0 is the plain guess, the others are random, each from its own seed.
     x : the NLP's variables; None where no start could be made.
-    energy : claimed by the transcription [J]; infinite where there is no usable point.
+    claimed : value of the cost as the transcription sees it; infinite where there is no usable point.
     stiffness : of the elastic drives.
     limited : whether the limits of drives and joints had to be put into the NLP.
     finished : whether it was among the best and went on to the full sharpness; the others were only screened.
@@ -40,7 +40,7 @@ class Start:
     index: int
     outcome: Outcome
     x: np.ndarray | None
-    energy: float
+    claimed: float
     stiffness: tuple[float, ...]
     iterations: int
     seconds: float
@@ -50,7 +50,7 @@ class Start:
 
     @property
     def usable(self) -> bool:
-        return bool(np.isfinite(self.energy))
+        return bool(np.isfinite(self.claimed))
 
 
 def run_start(transcription: Transcription, index: int) -> Start:
@@ -95,7 +95,7 @@ def improve(
             nlp = transcription.nlp(x, limited)
             point = solve_nlp(nlp, options, range(nlp.steps)[steps] or range(nlp.steps)[LAST], warm)
             iterations += sum(point.iterations)
-            energy = transcription.energy(point.x) if point.usable else np.inf
+            claimed = transcription.claimed(point.x) if point.usable else np.inf
             kept = limited or not point.usable or transcription.within_limits(point.x)
         except FloatingPointError:
             return Start(index, Outcome.STALLED, None, np.inf, (), iterations, time.perf_counter() - begin, limited)
@@ -104,7 +104,7 @@ def improve(
         x, limited = point.x, True
     stiffness = tuple(transcription.motion(point.x).springs.values())
     seconds = time.perf_counter() - begin
-    return Start(index, point.outcome, point.x, energy, stiffness, iterations, seconds, limited)
+    return Start(index, point.outcome, point.x, claimed, stiffness, iterations, seconds, limited)
 
 
 def restart(transcription: Transcription, motion: Motion) -> Start:
@@ -138,16 +138,16 @@ def multistart(
     return sorted((finished.get(s.index, s) for s in done), key=lambda s: s.index), interrupted or again
 
 
-def distinct(starts: Iterable[Start], energy: float = 1e-3, stiffness: float = 0.05) -> list[Start]:
-    """The usable starts, best first, without those that repeat a better one's energy and stiffness (relative)."""
-    return [group[0] for group in clusters(starts, energy, stiffness)]
+def distinct(starts: Iterable[Start], value: float = 1e-3, stiffness: float = 0.05) -> list[Start]:
+    """The usable starts, best first, without those that repeat a better one's value and stiffness (relative)."""
+    return [group[0] for group in clusters(starts, value, stiffness)]
 
 
-def clusters(starts: Iterable[Start], energy: float = 1e-3, stiffness: float = 0.05) -> list[list[Start]]:
-    """The usable starts, grouped with the best one whose energy and stiffness they repeat (relative); best first."""
+def clusters(starts: Iterable[Start], value: float = 1e-3, stiffness: float = 0.05) -> list[list[Start]]:
+    """The usable starts, grouped with the best one whose value and stiffness they repeat (relative); best first."""
     groups: list[list[Start]] = []
-    for start in sorted((s for s in starts if s.usable), key=lambda s: s.energy):
-        same = (group for group in groups if _same(start, group[0], energy, stiffness))
+    for start in sorted((s for s in starts if s.usable), key=lambda s: s.claimed):
+        same = (group for group in groups if _same(start, group[0], value, stiffness))
         group = next(same, None)
         if group is None:
             groups.append([start])
@@ -156,8 +156,8 @@ def clusters(starts: Iterable[Start], energy: float = 1e-3, stiffness: float = 0
     return groups
 
 
-def _same(a: Start, b: Start, energy: float, stiffness: float) -> bool:
-    near = abs(a.energy - b.energy) <= energy * abs(b.energy)
+def _same(a: Start, b: Start, value: float, stiffness: float) -> bool:
+    near = abs(a.claimed - b.claimed) <= value * abs(b.claimed)
     return near and np.allclose(np.log(a.stiffness), np.log(b.stiffness), rtol=0, atol=stiffness)
 
 
@@ -167,6 +167,6 @@ def finish(transcription: Transcription, start: Start) -> Start:
     begin = time.perf_counter() - start.seconds
     final = improve(transcription, start.index, start.x, SHARPENING, limited=start.limited, warm=True, begin=begin)
     iterations = start.iterations + final.iterations
-    if not final.usable or final.energy > start.energy:
+    if not final.usable or final.claimed > start.claimed:
         return replace(start, finished=True, iterations=iterations, seconds=final.seconds)
     return replace(final, finished=True, iterations=iterations)

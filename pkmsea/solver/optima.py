@@ -16,20 +16,20 @@ class Optimum:
 
     Attributes
     ----------
-    energy : on the first mesh, claimed by the transcription [J].
+    claimed : value of the cost on the first mesh, as the transcription sees it.
     stiffness : of the elastic drives.
     count : starts that found it.
     finished : whether it was solved to the full sharpness; the others were only screened.
     """
 
-    energy: float
+    claimed: float
     stiffness: tuple[float, ...]
     count: int
     finished: bool
 
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
-        return one_line(f"<Optimum: {self.energy:.4g} J, stiffness [{springs}], {self.count} starts>")
+        return one_line(f"<Optimum: claimed {self.claimed:.4g}, stiffness [{springs}], {self.count} starts>")
 
 
 def optima(starts: Iterable[Start]) -> tuple[Optimum, ...]:
@@ -44,5 +44,5 @@ def optima(starts: Iterable[Start]) -> tuple[Optimum, ...]:
         leaders = [start for start in starts if start.repeats is None and start.finished is finished]
         for group in clusters(leaders):
             count = len(group) + sum(repeated.pop(start.index, 0) for start in group)
-            found.append(Optimum(group[0].energy, group[0].stiffness, count, finished))
-    return tuple(sorted(found, key=lambda optimum: optimum.energy))
+            found.append(Optimum(group[0].claimed, group[0].stiffness, count, finished))
+    return tuple(sorted(found, key=lambda optimum: optimum.claimed))

@@ -1,7 +1,7 @@
 """First- and second-order conditions of a local minimum at a point of an NLP; the solver is not asked.
 
 Every finite bound of a constraint or variable is one side a_i(x) <= 0 with slack s_i = -a_i; variables are divided by
-their scales and f by a unit of energy. With L = f + sum_i lambda_i a_i, a local minimum satisfies
+their scales and f by a unit of the cost. With L = f + sum_i lambda_i a_i, a local minimum satisfies
 
     grad L = 0,   a_i <= 0,   lambda_i >= 0,   lambda_i s_i = 0                                        (KKT)
     d^T hess L d > 0 for every d != 0 with grad a_i^T d = 0 where lambda_i > 0                         (second order)
@@ -21,13 +21,14 @@ from scipy.linalg import eigh, eigvalsh, qr, solve
 from scipy.optimize import nnls
 
 from pkmsea.solver.ipopt import excess
+from pkmsea.solver.nlp import ScaledNlp, scaled
 from pkmsea.transcription.nlp import Nlp
 
 NEAR = 1e-3  # of the distance between its bounds (of a single bound: of its size, at least 1): may have a multiplier
 ACTIVE = 1e-6  # likewise: blocks a direction
 STRONG = 1e-6  # of the largest multiplier: what is less counts as zero
 RANK = 1e-10  # of the largest row: what is less counts as dependent
-SAVING = 1e-7  # of the energy: what is less is rounding; a stiffness off by 1 % costs 6e-6 and more
+SAVING = 1e-7  # of the cost: what is less is rounding; a stiffness off by 1 % costs 6e-6 and more
 MEAN_MULTIPLIER = 100.0  # IPOPT's s_max: residuals are divided by the mean multiplier where that is larger
 STATIONARY = 1e-4  # largest residual of a solution; of the paper's setups 3e-6, see examples/guides/verify.md
 BLUR = 0.25  # the last step's parameter is known within this factor, as ln
@@ -36,7 +37,7 @@ BLUR_STEP, BLUR_STEPS = 1e-3, 4  # of the derivative with respect to ln p; of it
 
 @dataclass(frozen=True, repr=False)
 class Optimality:
-    """How well a point satisfies the conditions of a local minimum; energies relative to `unit`.
+    """How well a point satisfies the conditions of a local minimum; values of the cost relative to `unit`.
 
     Attributes
     ----------
@@ -47,10 +48,10 @@ class Optimality:
     saving : what a Newton step along the active constraints would still save, sum over the eigenvalues w_i of the
         reduced Hessian of (grad L)_i^2 / (2 |w_i|).
     curvature : smallest w_i; None where the active constraints leave no direction.
-    negative : number of directions along which the energy falls to second order.
+    negative : number of directions along which the cost falls to second order.
     kind : 'minimum'; 'saddle' where there are negative directions; 'undecided' where the curvature is zero within
         rounding, or where only constraints without a multiplier block the negative directions.
-    unit : what differences of the objective are relative to, such as energies [J].
+    unit : what differences of the objective are relative to, in the cost's unit.
     """
 
     stationarity: float
@@ -85,7 +86,7 @@ class Optimality:
         if not self.stationary:
             return (f"the motion is not stationary (KKT residual {self.error:.1e})",)
         if self.kind == "saddle":
-            return (f"the motion is a saddle point: the energy falls along {self.negative} directions",)
+            return (f"the motion is a saddle point: the cost falls along {self.negative} directions",)
         return ()
 
 
@@ -114,13 +115,14 @@ def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Opt
 
     `unit` is what differences of the objective are relative to.
     """
-    scaled, functions = x / nlp.stacked("scale"), _derivatives(nlp)
-    violation, sides = _sides(nlp, scaled, p, functions)
-    gradient = _gradient(functions, scaled, p) / unit
+    problem = scaled(nlp)
+    z, functions = x / problem.scale, _derivatives(problem)
+    violation, sides = _sides(nlp, problem, z, p, functions)
+    gradient = _gradient(functions, z, p) / unit
     multipliers, residual = fit(gradient, sides)
     mean = max(MEAN_MULTIPLIER, float(multipliers.sum()) / (nlp.g_lower.size + x.size)) / MEAN_MULTIPLIER
     on_g = np.bincount(sides.constraint, sides.sign * multipliers, nlp.g_lower.size + x.size)[: nlp.g_lower.size]
-    hessian = np.array(ca.triu2symm(ca.DM(functions["hess_lag"](scaled, p, 1.0, on_g * unit)))) / unit
+    hessian = np.array(ca.triu2symm(ca.DM(functions["hess_lag"](z, p, 1.0, on_g * unit)))) / unit
     strong = sides.equation | (multipliers > STRONG * multipliers.max(initial=0.0))
     values, saving, zero = _reduced(hessian, residual, sides.normals[strong])
     negative, kind = int((values < -zero).sum()), "minimum"
@@ -149,13 +151,14 @@ def last_parameter(nlp: Nlp, x: np.ndarray) -> np.ndarray:
     mille. So ln p is fitted with the multipliers, within BLUR: grad L(x, lambda, p) = 0 is linear in lambda, and
     Newton's iteration linearises it in ln p.
     """
-    scaled, functions = x / nlp.stacked("scale"), _derivatives(nlp)
+    problem = scaled(nlp)
+    z, functions = x / problem.scale, _derivatives(problem)
     first = nlp.parameter(nlp.steps - 1, x)
-    sides, shift = _sides(nlp, scaled, first, functions)[1], 0.0
+    sides, shift = _sides(nlp, problem, z, first, functions)[1], 0.0
     for _ in range(BLUR_STEPS):
         p = first * np.exp(shift)
-        gradient = _gradient(functions, scaled, p)
-        slope = (_gradient(functions, scaled, p * np.exp(BLUR_STEP)) - gradient) / BLUR_STEP
+        gradient = _gradient(functions, z, p)
+        slope = (_gradient(functions, z, p * np.exp(BLUR_STEP)) - gradient) / BLUR_STEP
         step = fit(gradient, sides, slope)[0][-2:]
         shift = float(np.clip(shift + step[0] - step[1], -BLUR, BLUR))
     return np.asarray(first * np.exp(shift))
@@ -176,30 +179,32 @@ def fit(gradient: np.ndarray, sides: Sides, free: np.ndarray | None = None) -> t
     return found, gradient + columns @ found
 
 
-def _derivatives(nlp: Nlp) -> dict[str, ca.Function]:
+def _derivatives(problem: ScaledNlp) -> dict[str, ca.Function]:
     """The NLP's own derivatives, else CasADi's."""
-    if nlp.derivatives:
-        return nlp.derivatives
+    if problem.derivatives:
+        return problem.derivatives
     given, on = ["x", "p"], {"gamma": ["f", "g"]}
     return {
-        "grad_f": nlp.oracle.factory("grad_f", given, ["f", "grad:f:x"]),
-        "jac_g": nlp.oracle.factory("jac_g", given, ["g", "jac:g:x"]),
-        "hess_lag": nlp.oracle.factory("hess_lag", [*given, "lam:f", "lam:g"], ["triu:hess:gamma:x:x"], on),
+        "grad_f": problem.oracle.factory("grad_f", given, ["f", "grad:f:x"]),
+        "jac_g": problem.oracle.factory("jac_g", given, ["g", "jac:g:x"]),
+        "hess_lag": problem.oracle.factory("hess_lag", [*given, "lam:f", "lam:g"], ["triu:hess:gamma:x:x"], on),
     }
 
 
-def _gradient(functions: dict[str, ca.Function], scaled: np.ndarray, p: np.ndarray) -> np.ndarray:
-    return np.array(functions["grad_f"](scaled, p)[1]).ravel()
+def _gradient(functions: dict[str, ca.Function], z: np.ndarray, p: np.ndarray) -> np.ndarray:
+    return np.array(functions["grad_f"](z, p)[1]).ravel()
 
 
-def _sides(nlp: Nlp, scaled: np.ndarray, p: np.ndarray, functions: dict[str, ca.Function]) -> tuple[float, Sides]:
-    """Largest violation, and the sides within NEAR of x."""
-    g, J = (ca.DM(value) for value in functions["jac_g"](scaled, p))
+def _sides(
+    nlp: Nlp, problem: ScaledNlp, z: np.ndarray, p: np.ndarray, functions: dict[str, ca.Function]
+) -> tuple[float, Sides]:
+    """Largest violation, and the sides within NEAR of z."""
+    g, J = (ca.DM(value) for value in functions["jac_g"](z, p))
     jacobian = sparse.csc_matrix((J.nonzeros(), J.sparsity().row(), J.sparsity().colind()), J.shape)
-    normals = sparse.vstack([jacobian, sparse.eye(scaled.size)]).tocsr()
-    values, scale = np.concatenate([np.array(g).ravel(), scaled]), nlp.stacked("scale")
-    lower = np.concatenate([nlp.g_lower, nlp.stacked("lower") / scale])
-    upper = np.concatenate([nlp.g_upper, nlp.stacked("upper") / scale])
+    normals = sparse.vstack([jacobian, sparse.eye(z.size)]).tocsr()
+    values = np.concatenate([np.array(g).ravel(), z])
+    lower = np.concatenate([nlp.g_lower, problem.lower])
+    upper = np.concatenate([nlp.g_upper, problem.upper])
     found = []
     for sign, bound in ((-1.0, lower), (1.0, upper)):
         finite = np.flatnonzero(np.isfinite(bound))

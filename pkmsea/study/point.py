@@ -16,8 +16,8 @@ from pkmsea.errors import PkmseaError, blaming
 from pkmsea.files import file_name
 from pkmsea.problem import Problem, build_problem, task_of
 from pkmsea.solution import Mesh, Solution
-from pkmsea.solution.solve import NEAR, chosen
-from pkmsea.solution.store import motion_of, motion_record
+from pkmsea.solution.records import motion_of, motion_record
+from pkmsea.solution.solve import NEAR, select
 from pkmsea.solver import Start
 from pkmsea.solver.multistart import distinct, finish, multistart, restart, run_start
 from pkmsea.study.calibrate import calibrated, with_numbers
@@ -104,11 +104,11 @@ def _solved(job: Job, begin: float) -> dict[str, Any]:
     numbers = calibrated_numbers(job)
     transcription = transcribe(with_numbers(job.problem, **numbers))
     starts = _starts(transcription, job)
-    claimed = min((start.energy for start in starts), default=float("inf"))
+    claimed = min((start.claimed for start in starts), default=float("inf"))
     if job.known is not None and not claimed < (1 - BETTER) * job.known:
         return {"outcome": NO_BETTER, "status": NO_BETTER, "starts": len(starts)}
-    sure = starts[: len(job.near)] if job.indices is None else []  # their motions were known on finer meshes
-    solution = chosen(transcription, starts, workers=1, begin=begin, sure=sure)
+    known = starts[: len(job.near)] if job.indices is None else []  # their motions were known on finer meshes
+    solution = select(transcription, starts, workers=1, begin=begin, required=known)
     if solution.interrupted:
         raise KeyboardInterrupt
     if job.result is not None:
@@ -123,9 +123,9 @@ def _starts(transcription: Transcription, job: Job) -> list[Start]:
         if interrupted:
             raise KeyboardInterrupt
         return starts + found
-    enough = (1 + NEAR) * min((start.energy for start in starts), default=float("inf"))
+    enough = (1 + NEAR) * min((start.claimed for start in starts), default=float("inf"))
     own = [run_start(transcription, index) for index in job.indices]
-    return starts + [finish(transcription, start) if start.energy <= enough else start for start in own]
+    return starts + [finish(transcription, start) if start.claimed <= enough else start for start in own]
 
 
 def record(solution: Solution) -> dict[str, Any]:
@@ -133,7 +133,7 @@ def record(solution: Solution) -> dict[str, Any]:
     c = solution.motion.stiffness
     return {
         "outcome": DONE,
-        "energy": solution.energy,
+        "energy": solution.value,
         "claimed": solution.claimed,
         "status": VERIFIED if solution.verified else UNVERIFIED,
         "reason": "" if solution.verified else "; ".join(solution.faults),
@@ -148,7 +148,7 @@ def record(solution: Solution) -> dict[str, Any]:
 
 def _optima(solution: Solution) -> list[dict[str, Any]]:
     """Energy as claimed [J] and stiffness of the distinct optima of all starts, best first."""
-    return [{"energy": s.energy, "stiffness": list(s.stiffness)} for s in distinct(solution.starts)]
+    return [{"claimed": s.claimed, "stiffness": list(s.stiffness)} for s in distinct(solution.starts)]
 
 
 def solution_of(row: Mapping[str, Any]) -> Solution:

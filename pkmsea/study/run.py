@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pkmsea.ending import noticed, stop_if
+from pkmsea.ending import deferred, stop_if
 from pkmsea.errors import InputError, one_line
 from pkmsea.files import file_name
 from pkmsea.solution import Solution
@@ -108,7 +108,7 @@ def run_study(
     out = Path(out)
     drives = check(study, out)
     interrupted = False
-    with open_pool(workers, scheduler) as pool, noticed():
+    with open_pool(workers, scheduler) as pool, deferred():
         table = Table(out / NAME, list(study.vary), drives, fingerprint(study))
         try:
             _Run(study, out, table, pool, progress).everything()

@@ -68,7 +68,7 @@ class Transcription(ABC):
         """The NLP around x; `limited` puts the limits of drives and joints into it."""
 
     @abstractmethod
-    def energy(self, x: np.ndarray) -> float:
+    def claimed(self, x: np.ndarray) -> float:
         """The value of the problem's cost as the transcription sees it, in the cost's unit."""
 
     @abstractmethod

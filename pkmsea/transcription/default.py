@@ -57,9 +57,9 @@ class FlatTranscription(Transcription):
             self._limited = FlatNlp(self.problem, self.basis, self.samples, self.problem.bounds)
         return self._limited.nlp(x)
 
-    def energy(self, x: np.ndarray) -> float:
+    def claimed(self, x: np.ndarray) -> float:
         self._free.robot.start(x)
-        return self._free.energy(x)
+        return self._free.claimed(x)
 
     def motion(self, x: np.ndarray) -> Motion:
         return Motion.of(self.problem.actuation, self.basis, *self._free.robot.split(x))

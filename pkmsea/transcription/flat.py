@@ -40,7 +40,7 @@ class FlatNlp:
         self._columns = [
             2 * m + joints.index(self._motion(bound, n))
             if bound.quantity in JOINTS
-            else 2 * bound.index + DRIVES.index(bound.quantity)
+            else m * DRIVES.index(bound.quantity) + bound.index
             for bound in self.limited
         ]
         self.robot = RobotOnGrid(problem.actuation, basis, samples, joints)
@@ -60,9 +60,10 @@ class FlatNlp:
         self.robot.at(x)
         if bound.quantity in JOINTS:
             return self.robot.instants.xi[self._motion(bound, self.robot.n)]
-        return self._signals.values()[2 * bound.index + DRIVES.index(bound.quantity)]
+        self._signals.evaluate()
+        return {"tau": self._signals.tau, "speed": self._signals.v_M}[bound.quantity][bound.index]
 
-    def energy(self, x: np.ndarray) -> float:
+    def claimed(self, x: np.ndarray) -> float:
         """The transcription's own value of the cost, without smoothing."""
         self.robot.at(x)
         return self.problem.cost.value(self._signals.exact(), self.weight)
@@ -75,7 +76,7 @@ class FlatNlp:
     def constraints(self, x: np.ndarray) -> np.ndarray:
         """Windows and end-effector limits (linear), then limited signals sample by sample."""
         self.robot.at(x)
-        limited = self._signals.values()[self._columns].T if self._columns else np.zeros(0)
+        limited = self._signals.constrained() if self._columns else np.zeros(0)
         return np.concatenate([self.rows.matrix @ x, limited.ravel()])
 
     def gradient(self, x: np.ndarray, eps: float) -> np.ndarray:
@@ -103,36 +104,34 @@ class FlatNlp:
         """The NLP around a first trajectory, whose poses are found by continuation."""
         self.robot.start(guess)
         variables = self._variables(guess)
-        scale = np.concatenate([variable.scale for variable in variables])
         pattern, rows = self._pattern, self._pattern.rows
-        scale_jacobian, scale_hessian = pattern.scales(scale)
         one, g = ca.Sparsity.dense(1), ("g", ca.Sparsity.dense(rows))
         given = [("x", ca.Sparsity.dense(self.robot.size)), ("p", one)]
         multipliers = [("lam_f", one), ("lam_g", ca.Sparsity.dense(rows))]
 
         def value(a, r):
             if r[0] is not None:
-                r[0][0] = self.objective(a[0] * scale, a[1][0])
+                r[0][0] = self.objective(a[0], a[1][0])
 
         def values(a, r):
             value(a, r)
             if r[1] is not None:
-                r[1][:] = self.constraints(a[0] * scale)
+                r[1][:] = self.constraints(a[0])
 
         def slopes(a, r):
             value(a, r)
             if r[1] is not None:
-                r[1][:] = self.gradient(a[0] * scale, a[1][0]) * scale
+                r[1][:] = self.gradient(a[0], a[1][0])
 
         def rates(a, r):
             if r[0] is not None:
-                r[0][:] = self.constraints(a[0] * scale)
+                r[0][:] = self.constraints(a[0])
             if r[1] is not None:
-                r[1][:] = self.jacobian(a[0] * scale) * scale_jacobian
+                r[1][:] = self.jacobian(a[0])
 
         def second(a, r):
             on_g = a[3] if a[3] is not None else np.zeros(rows)
-            r[0][:] = self.hessian(a[0] * scale, a[1][0], a[2][0], on_g) * scale_hessian
+            r[0][:] = self.hessian(a[0], a[1][0], a[2][0], on_g)
 
         f = ("f", one)
         oracle = Callback("nlp", given, [f, g], values)
@@ -149,7 +148,7 @@ class FlatNlp:
         return Nlp(variables, lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
 
     def _sharpen(self, step: int, x: np.ndarray) -> np.ndarray:
-        return np.array([self.problem.cost.smoothing(step, self.energy(x), self.basis.period)])
+        return np.array([self.problem.cost.smoothing(step, self.claimed(x), self.basis.period)])
 
     def _variables(self, guess: np.ndarray) -> tuple[Variable, ...]:
         coefficients, p = self.robot.split(guess)

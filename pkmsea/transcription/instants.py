@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 
 from pkmsea.actuation.equations import GROUP_MATRICES, StageFunctions, stage_functions
@@ -92,8 +91,4 @@ def _programs(functions: StageFunctions) -> dict[str, tuple[_bridge.Program, ...
     names = ("matrices", "right", "outputs", "slope_right", "slope", "adjoint_right", "curvature")
     found = {name: getattr(functions, name) for name in names}
     several = {name: value if isinstance(value, tuple) else (value,) for name, value in found.items()}
-    return {name: tuple(_program(function) for function in value) for name, value in several.items()}
-
-
-def _program(function: ca.Function) -> _bridge.Program:
-    return program(function, [name for name in UNIFORM if name in function.name_in()])
+    return {name: tuple(program(function, UNIFORM) for function in value) for name, value in several.items()}

@@ -211,7 +211,7 @@ class PaperTranscription(Transcription):
             variables.append(Variable(name, lower, upper, np.ones(flat.size), flat))
         return Nlp(tuple(variables), self._lower, self._upper, self._oracle, 1, lambda step, x: np.zeros(1))
 
-    def energy(self, x: np.ndarray) -> float:
+    def claimed(self, x: np.ndarray) -> float:
         rates = positive(np.array(self._power(x)))
         return self.problem.cost.value(rates, self.problem.cycle.period / self.samples)
 

@@ -93,10 +93,10 @@ class RobotOnGrid:
             raise FloatingPointError("the trajectory touches a singularity")
         self._outputs[...] = e.s
         for position, i in enumerate(self.springs.drives):
-            u = e.s[2 * i + 1]
-            self._outputs[2 * i] += self.springs.deflection(i, p, u)
+            u = e.s[self.m + i]
+            self._outputs[i] += self.springs.deflection(i, p, u)
             numbers = self.springs.kernel(i, p), self.springs.slope(i, p, u)
-            self._grid.filter(position, 2 * i, 2 * i + 1, self.springs.parameter[i], *numbers)
+            self._grid.filter(position, i, self.m + i, self.springs.parameter[i], *numbers)
         self._grid.differentiate(self._outputs, self.z)
         self._last, self._x = (x.copy(), q), x.copy()
 
@@ -107,7 +107,7 @@ class RobotOnGrid:
         weights, on_deflection = self._on_outputs(on_z)
         self._grid.gather(self.instants.S, weights, result)
         for i, weight in on_deflection.items():
-            slope = self.springs.slope(i, p, self.instants.s[2 * i + 1])
+            slope = self.springs.slope(i, p, self.instants.s[self.m + i])
             result[self.size - p.size + self.springs.parameter[i]] += weight @ slope
         return result
 
@@ -126,7 +126,7 @@ class RobotOnGrid:
         self.instants.bend()
         p = self.split(self._x)[1]
         for position, (i, weight) in enumerate(on_deflection.items()):
-            bend = self.springs.curvature(i, p, self.instants.s[2 * i + 1], weight)
+            bend = self.springs.curvature(i, p, self.instants.s[self.m + i], weight)
             self._grid.bend_filter(position, self.springs.mixed(i, p, weight), bend)
         values = np.zeros(count)
         self._grid.hessian(self.instants.S, Q, self.instants.C, slots, values)
@@ -176,8 +176,8 @@ class RobotOnGrid:
         weights, on_deflection, p = np.zeros_like(self.instants.s), {}, self.split(self._x)[1]
         self._grid.differentiate_adjoint(on_z, weights)
         for i in self.springs.drives:
-            on_deflection[i] = weights[2 * i].copy()
-            weights[2 * i + 1] += self.springs.adjoint(i, p, on_deflection[i])
+            on_deflection[i] = weights[i].copy()
+            weights[self.m + i] += self.springs.adjoint(i, p, on_deflection[i])
         return weights, on_deflection
 
     def _make_grid(self, rows: np.ndarray) -> _bridge.Grid:

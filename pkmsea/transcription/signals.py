@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 
 from pkmsea.actuation import Actuation
 from pkmsea.actuation.cost import Cost
 from pkmsea.actuation.signals import signal_functions
-from pkmsea.bridge import _bridge
 from pkmsea.kernels import Pipeline, program
 
 UNIFORM = ("r", "eps", "factor")
@@ -21,6 +18,10 @@ class SignalsOnGrid:
     """The Functions of `pkmsea.actuation.signals` on an array z (rows, instants) that somebody else fills.
 
     All results are overwritten by the next call.
+
+    Attributes
+    ----------
+    tau, v_M, joints : motor torques and speeds (m, instants) and the limited motions of joints, after `evaluate`.
     """
 
     def __init__(self, actuation: Actuation, cost: Cost, z: np.ndarray, joints: int, columns: Sequence[int]) -> None:
@@ -30,6 +31,7 @@ class SignalsOnGrid:
         signals = 2 * actuation.m + joints
         self._eps, self._factor = np.zeros(1), np.zeros(1)
         self._rate, self._h = np.zeros((1, count)), np.zeros((signals, count))
+        self.tau, self.v_M, self.joints = np.split(self._h, (actuation.m, 2 * actuation.m))
         self._mu, self._slope = np.zeros((signals, count)), np.zeros((rows, count))
         self._J, self._Q = np.zeros((signals * rows, count)), np.zeros((rows * rows, count))
         given = [z, actuation.r]
@@ -43,7 +45,7 @@ class SignalsOnGrid:
         self._run_value, self._run_slope, self._run_jacobian, self._run_curvature = (Pipeline(count) for _ in calls)
         runs = (self._run_value, self._run_slope, self._run_jacobian, self._run_curvature)
         for run, (function, inputs, outputs) in zip(runs, calls, strict=True):
-            run.call(_program(function), inputs, outputs)
+            run.call(program(function, UNIFORM), inputs, outputs)
 
     def rate(self, eps: float) -> np.ndarray:
         """The cost's rate, smoothed by eps, (instants,)."""
@@ -51,16 +53,19 @@ class SignalsOnGrid:
         self._run_value.run()
         return self._rate[0]
 
-    def values(self) -> np.ndarray:
-        """All signals, (signals, instants)."""
+    def evaluate(self) -> None:
+        """Make `tau`, `v_M` and `joints` those of z."""
         self._run_value.run()
-        return self._h
+
+    def constrained(self) -> np.ndarray:
+        """The constrained signals, (instants, columns)."""
+        self._run_value.run()
+        return self._h[self._columns].T
 
     def exact(self) -> np.ndarray:
         """The cost's exact rate, (instants,)."""
         self._run_value.run()
-        drives = self._h[: 2 * self._actuation.m]
-        return np.asarray(self._cost.exact(drives[0::2], drives[1::2], self._actuation.each))
+        return np.asarray(self._cost.exact(self.tau, self.v_M, self._actuation.each))
 
     def slope(self, eps: float, factor: float, mu: np.ndarray | None = None) -> np.ndarray:
         """Gradient of factor * rate + mu^T (constrained signals) in z, (z, instants)."""
@@ -81,8 +86,3 @@ class SignalsOnGrid:
         """Hessian of what `slope` was asked for last, (z z, instants)."""
         self._run_curvature.run()
         return self._Q
-
-
-@lru_cache(maxsize=128)
-def _program(function: ca.Function) -> _bridge.Program:
-    return program(function, [name for name in UNIFORM if name in function.name_in()])

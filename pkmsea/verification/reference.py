@@ -7,14 +7,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from scipy.interpolate import BSpline, make_interp_spline
 
 from pkmsea.errors import InputError
 from pkmsea.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.solution import Solution
-from pkmsea.solution.store import load, numbers, read_dataset, to_dataset
+from pkmsea.solution.netcdf import Dataset
+from pkmsea.solution.store import load, read_dataset
 from pkmsea.verification.drives import Drives
 
 DEGREE = 5  # of the periodic splines through the samples
@@ -30,13 +30,13 @@ class Reference:
     solution : the stored flat output and stiffnesses, with robot and task, as loaded; its energies are its own.
     t : (K,) uniform, from 0, without the period's end.
     series : by name, (K, ...).
-    energy : value of the cost per cycle, by default the energy [J], as the result prints it.
+    value : of the cost per cycle, by default the energy [J], as the result prints it.
     """
 
     solution: Solution
     t: np.ndarray
     series: dict[str, np.ndarray]
-    energy: float
+    value: float
 
     @property
     def problem(self) -> Problem:
@@ -98,20 +98,20 @@ def reference(source: Solution | str | Path) -> Reference:
     InputError : the file is missing, damaged, or its series do not fit its task.
     """
     if isinstance(source, Solution):
-        return _of_dataset(to_dataset(source), source, None)
+        return _of_dataset(source.dataset(), source, None)
     return _of_dataset(read_dataset(source), load(source), Path(source))
 
 
-def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> Reference:
+def _of_dataset(dataset: Dataset, solution: Solution, file: Path | None) -> Reference:
     problem = solution.problem
     actuation = problem.actuation
     n, m, axes = actuation.mechanism.model.nq, actuation.m, actuation.mechanism.mobility
     widths = {"r_E": axes, "q": n, "v": n, "power": 0, "energy": 0}
-    key = f"{problem.cost.name}_true"
+    key = problem.cost.name
     try:
-        t = numbers(dataset, "time")
-        series = {name: numbers(dataset, name) for name in SERIES}
-        energy = float(dataset.attrs[key])
+        t = dataset.numbers("time")
+        series = {name: dataset.numbers(name) for name in SERIES}
+        value = float(dataset.attrs[key])
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error
     uniform = np.arange(t.size) * problem.cycle.period / max(t.size, 1)
@@ -119,7 +119,7 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
         raise InputError(
             "The samples are not evenly spread over one period.", "Solve the task again.", file=file, key="time"
         )
-    if not np.isfinite(energy):
+    if not np.isfinite(value):
         raise InputError("This is not a finite number.", "Solve the task again.", file=file, key=key)
     for name, values in series.items():
         width = widths.get(name, m)
@@ -127,4 +127,4 @@ def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> R
             raise InputError(
                 "This series has missing or too many numbers.", "Solve the task again.", file=file, key=name
             )
-    return Reference(solution, t, series, energy)
+    return Reference(solution, t, series, value)

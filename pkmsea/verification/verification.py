@@ -40,10 +40,10 @@ class Verification:
 
     Attributes
     ----------
-    energy : value of the cost per cycle, by default the energy [J], as the result prints it.
+    value : of the cost per cycle, by default the energy [J], as the result prints it.
     simulated : per cycle, from torque and simulated motor speed, in segments.
     in_cycles : the same in the last of the whole cycles, the feedback's torque included.
-    gap : the larger difference of these two to `energy`, relative to the energy, or to IDLE of the drives' turnover
+    gap : the larger difference of these two to `value`, relative to it, or to IDLE of the drives' turnover
         where that is more.
     end_effector, motors : largest deviation in a segment [m, rad].
     deviations : largest deviation of each stored series from the simulated one in a segment, relative to its range;
@@ -62,7 +62,7 @@ class Verification:
     cost : what was minimised.
     """
 
-    energy: float
+    value: float
     simulated: float
     in_cycles: float
     gap: float
@@ -93,7 +93,7 @@ class Verification:
         return "not verified: " + "; ".join(self.faults) if self.faults else "verified"
 
     def __repr__(self) -> str:
-        said, simulated = self.cost.show(self.energy), self.cost.show(self.simulated)
+        said, simulated = self.cost.show(self.value), self.cost.show(self.simulated)
         return one_line(f"<Verification: {said}, simulated {simulated}, {self.status}>")
 
 
@@ -115,13 +115,13 @@ def verify(source: Solution | str | Path) -> Verification:
     starts = [int(np.abs(long.t - k * said.period).argmin()) for k in range(CYCLES + 1)]
     in_cycles = long.cost(cost, actuation, slice(starts[-2], starts[-1] + 1))
     idle = IDLE * float(np.abs(short.u * short.v[:, robot.at]).sum(axis=1).mean()) * said.period
-    scale = cost.scale(said.energy, idle)
+    scale = cost.scale(said.value, idle)
     inverse, direct = (float(distance.min()) for distance in pose.singularity(robot.mechanism, short.q))
     measured: dict[str, Any] = {
-        "energy": said.energy,
+        "value": said.value,
         "simulated": simulated,
         "in_cycles": in_cycles,
-        "gap": max(abs(simulated - said.energy), abs(in_cycles - said.energy)) / scale,
+        "gap": max(abs(simulated - said.value), abs(in_cycles - said.value)) / scale,
         "end_effector": float(np.abs(short.r_E - said.series["r_E"]).max()),
         "motors": float(np.abs(short.q_M - said.series["q_M"]).max()),
         "deviations": _deviations(said, short),
@@ -183,12 +183,12 @@ def _limit_excess(bound: Bound, long: Observed) -> float:
 def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:
     extent = float(np.ptp(said.series["r_E"], axis=0).max())
     deviation = min(w.deviation for w in said.problem.cycle.windows)
-    lost = [name for name, x in found["deviations"].items() if not x <= DEVIATION]
+    deviating = [name for name, x in found["deviations"].items() if not x <= DEVIATION]
     checks = [
-        (found["gap"] <= SAME_VALUE, "the result prints {energy:.5g} {unit}, its torque needs {simulated:.5g} {unit} "
+        (found["gap"] <= SAME_VALUE, "the result prints {value:.5g} {unit}, its torque needs {simulated:.5g} {unit} "
          "in segments and {in_cycles:.5g} {unit} in whole cycles"),
         (found["end_effector"] <= END_EFFECTOR * extent, "the end effector deviates by {end_effector:.1e} {r_E}"),
-        (not lost, f"these series of the result do not follow from its torque: {', '.join(lost)}"),
+        (not deviating, f"these series of the result do not follow from its torque: {', '.join(deviating)}"),
         (found["closure"] <= CLOSURE, "the loops open by {closure:.1e} m"),
         (found["balance"] <= BALANCE, "the simulation's power balance is off by {balance:.1e}"),
         (found["periodicity"] <= PERIODICITY * extent,

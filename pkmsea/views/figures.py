@@ -125,7 +125,7 @@ def energy_panel(axes: Any, solutions: Sequence[Solution]) -> None:
     for color, solution in zip(COLORS, solutions, strict=False):
         s = solution.series
         drawn = np.cumsum(positive(s.power)) * solution.problem.cycle.period / s.t.size
-        axes.plot(s.t, drawn, color=color, label=f"{solution.label}  {solution.cost.show(solution.energy)}", lw=1.4)
+        axes.plot(s.t, drawn, color=color, label=f"{solution.label}  {solution.cost.show(solution.value)}", lw=1.4)
     axes.set(xlabel="t [s]", ylabel="E_el [J]", title="Cumulated energy")
     axes.legend(fontsize=8)
 

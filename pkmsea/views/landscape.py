@@ -202,7 +202,7 @@ def _headline(part: Part) -> str:
     row = part.optimum or part.best()
     if row is None:
         return "no point was solved"
-    kind = "co-optimised" if part.optimum else "co-optimisation failed; best point" if part.lost else "best point"
+    kind = "co-optimised" if part.optimum else "co-optimisation failed; best point" if part.failure else "best point"
     status = "" if row["status"] == VERIFIED else f", {UNVERIFIED}"
     c = ", ".join(f"{row[name]:.3g}" for name in part.springs)
     return f"{kind}: {row['energy']:#.4g} J at c = ({c}){status}"

@@ -24,7 +24,7 @@ def ranked(results: Iterable[T], verified: Callable[[T], bool]) -> list[T]:
 
 def relative(solution: Solution, reference: Solution | None) -> float | None:
     """Value of the cost over that of the reference; None where that one has failed."""
-    return None if reference is None else solution.energy / reference.energy
+    return None if reference is None else solution.value / reference.value
 
 
 def solutions(
@@ -58,8 +58,9 @@ def solution_record(solution: Solution, reference: Solution | None) -> dict[str,
     audit, optimality = solution.audit(), solution.optimality()
     return {
         "setup": solution.name,
-        solution.cost.name: solution.claimed,
-        f"{solution.cost.name}_true": solution.energy,
+        "energy": solution.energy,
+        solution.cost.name: solution.value,
+        "claimed": solution.claimed,
         "ratio": relative(solution, reference),
         "reference_verified": None if reference is None else reference.verified,
         "stiffness": [float(c) for c in solution.stiffness],
@@ -81,7 +82,7 @@ def solution_record(solution: Solution, reference: Solution | None) -> dict[str,
 def _plain(found: Verification) -> dict[str, Any]:
     """A verification with its values under the name of their cost."""
     fields = {key: value for key, value in asdict(found).items() if key != "cost"}
-    return {found.cost.name if key == "energy" else key: value for key, value in fields.items()}
+    return {found.cost.name if key == "value" else key: value for key, value in fields.items()}
 
 
 def failure_status(error: SolveError) -> str:
@@ -96,4 +97,4 @@ def parallel_springs(solution: Solution) -> np.ndarray:
 
 
 def _failure(error: SolveError, cost: Cost = ENERGY, **what: Any) -> dict[str, Any]:
-    return {**what, f"{cost.name}_true": None, "ratio": None, "status": failure_status(error), "verified": False}
+    return {**what, cost.name: None, "ratio": None, "status": failure_status(error), "verified": False}

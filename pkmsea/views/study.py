@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pkmsea.solution.store import write_whole
+from pkmsea.files import write_whole
 from pkmsea.study import Study, StudyResult
 from pkmsea.study.study import Grid, Search
 from pkmsea.views.landscape import landscapes, slices
@@ -68,7 +68,7 @@ def _optima(part: Part) -> list[dict[str, Any]]:
     key = {"case": part.case, "setup": part.setup}
     chosen = {name: part.optimum[name] for name in ("energy", "claimed", "status", *part.springs)}
     others = [
-        {"claimed": other["energy"], **dict(zip(part.springs, other["stiffness"], strict=True))}
+        {"claimed": other["claimed"], **dict(zip(part.springs, other["stiffness"], strict=True))}
         for other in part.others()
     ]
     return [key | {"optimum": i} | row for i, row in enumerate([chosen, *others], 1)]

@@ -96,14 +96,14 @@ class Part:
     ----------
     rows : the best row of each point, with numbers as numbers; a failed point has no energy.
     optimum : the row of the task as it says itself, if it was solved.
-    lost : why it failed, if it did.
+    failure : why it failed, if it did.
     """
 
     case: str
     setup: str
     rows: pd.DataFrame
     optimum: dict[str, Any] | None
-    lost: str = ""
+    failure: str = ""
 
     def having(self, status: str) -> pd.DataFrame:
         return self.rows[self.rows["status"] == status]
@@ -152,7 +152,7 @@ class Part:
         return same[0] if len(same) == 1 else None
 
     def others(self) -> list[dict[str, Any]]:
-        """Optima of the starts beside the chosen one, best first: `energy` as claimed [J], `stiffness`."""
+        """Optima of the starts beside the chosen one, best first: `claimed` [J], `stiffness`."""
         if self.optimum is None:
             return []
         c = np.array([self.optimum[name] for name in self.springs])
@@ -170,7 +170,7 @@ class Part:
             return []
         low, high = np.array([axis.ends for axis in axes]).T
         found = [(self.optimum["energy"], [self.optimum[name] for name in self.springs])]
-        found += [(other["energy"], other["stiffness"]) for other in self.others()]
+        found += [(other["claimed"], other["stiffness"]) for other in self.others()]
         marks = []
         for i, (energy, c) in enumerate(found):
             at = np.array(c)[chosen]
@@ -187,8 +187,8 @@ def parts_of(result: StudyResult) -> list[Part]:
         for setup in result.study.names:
             rows, own = (frame[(frame["case"] == case) & (frame["setup"] == setup)] for frame in (table, optima))
             optimum = next(iter(records(own)), None)
-            lost = str(optimum["reason"]) if optimum and optimum["status"] == FAILED else ""
-            parts.append(Part(case, setup, rows.reset_index(drop=True), None if lost else optimum, lost))
+            failure = str(optimum["reason"]) if optimum and optimum["status"] == FAILED else ""
+            parts.append(Part(case, setup, rows.reset_index(drop=True), None if failure else optimum, failure))
     return parts
 
 

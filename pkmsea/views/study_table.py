@@ -72,15 +72,15 @@ def _part_record(part: Part, axes: list[Axis]) -> dict[str, Any]:
         "failed": len(part.failed),
         "reasons": {status: part.reason(status)[0] for status in (FAILED, UNVERIFIED)},
         "best": best and _row_record(part, best) | {"parameters": {axis.name: best[axis.name] for axis in axes}},
-        "optimum_failed": part.lost,
+        "optimum_failed": part.failure,
         "optimum": optimum and _row_record(part, optimum) | {"gain": part.gain(), "other_optima": part.others()},
     }
 
 
 def _row_record(part: Part, row: dict[str, Any]) -> dict[str, Any]:
     return {
-        "energy": row["claimed"],
-        "energy_true": row["energy"],
+        "energy": row["energy"],
+        "claimed": row["claimed"],
         "stiffness": [row[name] for name in part.springs],
         "status": row["status"],
         "verified": row["status"] == VERIFIED,
@@ -91,7 +91,7 @@ def print_study(result: StudyResult) -> None:
     """Cases and setups side by side, and under the table what went wrong most often."""
     study, parts = result.study, parts_of(result)
     axes = axes_of(study)
-    optima = ["co-optimised E [J]", "better by", "c"] if any(part.optimum or part.lost for part in parts) else []
+    optima = ["co-optimised E [J]", "better by", "c"] if any(part.optimum or part.failure for part in parts) else []
     wrong = [status for status in (UNVERIFIED, FAILED) if any(len(part.having(status)) for part in parts)]
     starred = any(row and row["status"] != VERIFIED for part in parts for row in (part.best(), part.optimum))
     table = Table(title=escape(study.name), caption="*: not verified" if starred else None, box=box.SIMPLE_HEAD)
@@ -111,8 +111,8 @@ def print_study(result: StudyResult) -> None:
             if count:
                 rows = len(part.having(status))
                 out.print(f"{part.case}, {part.setup}: {count} of {rows} {status}: {reason}", markup=False)
-        if part.lost:
-            out.print(f"{part.case}, {part.setup}: co-optimised: {part.lost}", markup=False)
+        if part.failure:
+            out.print(f"{part.case}, {part.setup}: co-optimised: {part.failure}", markup=False)
     if result.interrupted:
         out.print("Interrupted; the same command goes on with the points that are left.")
 
@@ -126,7 +126,7 @@ def _best(part: Part, axes: list[Axis]) -> list[str]:
 
 def _optimum(part: Part) -> list[str]:
     if part.optimum is None:
-        return [FAILED if part.lost else "-", "-", "-"]
+        return [FAILED if part.failure else "-", "-", "-"]
     gain, c = part.gain(), ", ".join(f"{part.optimum[name]:.3g}" for name in part.springs)
     return [_energy(part.optimum), "-" if gain is None else f"{gain:.2%}", c or "-"]
 

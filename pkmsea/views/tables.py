@@ -46,7 +46,7 @@ class Report:
             self._best[name] = np.inf
 
         def advance(start: Start) -> None:
-            self._best[name] = min(self._best[name], start.energy)
+            self._best[name] = min(self._best[name], start.claimed)
             best = f"best {cost.show(self._best[name])}" if np.isfinite(self._best[name]) else ""
             self._bars.update(self._tasks[name], advance=1, best=best)
 
@@ -84,7 +84,7 @@ def print_solutions(
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for s in ranked(solutions, lambda s: s.verified):
         table.add_row(
-            s.name, f"{s.energy:.4g}", f"{s.claimed:.4g}", _ratio(relative(s, reference), doubtful), _all_springs(s),
+            s.name, f"{s.value:.4g}", f"{s.claimed:.4g}", _ratio(relative(s, reference), doubtful), _all_springs(s),
             _optima(s), f"{s.seconds:.1f}", s.status,
         )  # fmt: skip
     for name, error in failures.items():
@@ -105,7 +105,7 @@ def print_verifications(found: Mapping[str, Verification], failures: Mapping[str
         table.add_column(heading, justify="left" if heading in ("result", "optimum", "status") else "right")
     for name, v in ranked(found.items(), lambda item: item[1].verified):
         table.add_row(
-            _short_path(name), f"{v.energy:.5g}", f"{v.simulated:.5g}", f"{v.gap:.0e}", f"{v.end_effector:.0e}",
+            _short_path(name), f"{v.value:.5g}", f"{v.simulated:.5g}", f"{v.gap:.0e}", f"{v.end_effector:.0e}",
             f"{v.motors:.0e}", f"{v.closure:.0e}", f"{v.balance:.0e}", f"{v.feedback:.0e}",
             f"{min(v.inverse, v.direct):.3f}", *_optimality(v.optimality), "verified" if v.verified else "not verified",
         )  # fmt: skip

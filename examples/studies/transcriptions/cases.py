@@ -64,7 +64,7 @@ def shared_start(problem: Problem) -> Motion:
     transcription = FlatTranscription(replace(problem, options=options), Spline(kind="spline", knots=KNOTS), None)
     found, _ = multistart(transcription, workers=1)
     motions = [transcription.motion(start.x) for start in found if start.x is not None and start.usable]
-    return min(motions, key=lambda motion: audit(problem, motion, 0.0)[0].energy)
+    return min(motions, key=lambda motion: audit(problem, motion, 0.0)[0].value)
 
 
 def run(
@@ -81,10 +81,10 @@ def run(
         if point.outcome is Outcome.OPTIMAL or time.perf_counter() - begin > SECONDS:
             break
     seconds = time.perf_counter() - begin
-    claimed = scheme.energy(point.x)
+    claimed = scheme.claimed(point.x)
     try:
         result, _ = audit(problem, scheme.motion(point.x), claimed)
-        true, window = result.energy, result.window
+        true, window = result.value, result.window
     except (FloatingPointError, ArithmeticError):
         true, window = np.nan, np.nan
     return Run(

@@ -69,11 +69,11 @@ class StageScheme(Scheme):
         low[theta], high[theta] = np.log([drive.stiffness_range for drive in self.problem.actuation.drives]).T
         return self.stages.nlp((Variable("x", low, high, np.ones_like(free), x),), self._width, len(SHARPENING))
 
-    def energy(self, x: np.ndarray) -> float:
+    def claimed(self, x: np.ndarray) -> float:
         return self.stages.cost(x, 0.0)
 
     def _width(self, step: int, x: np.ndarray) -> np.ndarray:
-        return np.array([self.problem.cost.smoothing(step, self.energy(x), self.problem.cycle.period)])
+        return np.array([self.problem.cost.smoothing(step, self.claimed(x), self.problem.cycle.period)])
 
     def _fitted(self, motion: Motion) -> np.ndarray:
         """Coefficients of r_E nearest to a motion, axis by axis."""
