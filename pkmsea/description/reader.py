@@ -9,7 +9,6 @@ from pathlib import Path
 import yourdfpy
 from lxml import etree
 
-from pkmsea.description import tree
 from pkmsea.description.clean import clean
 from pkmsea.description.description import Description, Origin
 from pkmsea.description.locate import find
@@ -28,8 +27,7 @@ def read(source: str | Path) -> Description:
     """
     said = read_source(find(source))
     draft = said.draft
-    tree.check(said.root, said.tree)
-    notes = clean(said.root, said.tree, draft.locked)
+    notes = [*said.notes, *clean(said.root, said.tree, draft.locked)]
     text = etree.tostring(said.root, encoding="unicode")
     _validate(text, said.tree)
     data = {
