@@ -23,7 +23,7 @@ from pkmsea.solution.local import optimality_of
 from pkmsea.solution.netcdf import Array, Dataset
 from pkmsea.solution.records import arrays_of, start_record
 from pkmsea.solution.refine import Mesh, agree
-from pkmsea.solver import Optimality, Optimum, Start, optima
+from pkmsea.solver import Optimality, Optimum, Outcome, Start, optima
 from pkmsea.transcription import TRANSCRIPTIONS
 
 FORMAT = "pkmsea result 2"
@@ -157,7 +157,10 @@ class Solution:
         if self.faults:
             return "not verified: " + "; ".join(self.faults)
         optimality = self.optimality()
-        return ", but ".join(filter(None, ("verified", optimality.remark if optimality else "")))
+        late = any(start.outcome is Outcome.TIME for start in self.starts)
+        late |= any(mesh.outcome == Outcome.TIME.value for mesh in self.meshes)
+        remarks = optimality.remark if optimality else "", "the time limit ended part of the search" if late else ""
+        return ", but ".join(filter(None, ("verified", *remarks)))
 
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
