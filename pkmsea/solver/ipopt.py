@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -100,11 +97,8 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
         change = options.stagnation * min(abs(float(nlp.oracle(x / scale, p)[0])), 1.0) if options.stagnation else 0.0
         solver = solvers.get(left, warm=warm or bool(multipliers), change=change)
         bounds = {"lbx": lower / scale, "ubx": upper / scale, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
-        with _quiet():
-            found = solver(x0=x / scale, p=p, **bounds, **multipliers)
-        if Callback.interrupted:
-            Callback.interrupted = False
-            raise KeyboardInterrupt
+        found = solver(x0=x / scale, p=p, **bounds, **multipliers)
+        Callback.stop_if()
         stats = solver.stats()
         outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
         iterations.append(int(stats.get("iter_count", 0)))
@@ -166,6 +160,7 @@ def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool, change: floa
         "print_time": False,
         "record_time": True,
         "error_on_fail": False,
+        "show_eval_warnings": False,  # one for every step that IPOPT has to shorten
         "calc_lam_p": False,
         "calc_lam_x": False,
     }
@@ -177,19 +172,3 @@ def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool, change: floa
 
 def excess(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
     return float(np.max(np.concatenate([lower - values, values - upper, [0.0]])))
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """CasADi writes a warning straight to the terminal for every step that IPOPT has to shorten; drop those."""
-    saved, sink = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    saved_out = os.dup(1)
-    try:
-        os.dup2(sink, 2)
-        os.dup2(sink, 1)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.dup2(saved_out, 1)
-        for handle in (saved, saved_out, sink):
-            os.close(handle)
