@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -16,6 +17,7 @@ from conftest import SLIDER_ELASTIC, SLIDER_RIGID, STROKE, task
 
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load
+from pkmsea.solver.processes import once, unordered
 
 OPTIONS = {"trajectory": {"kind": "fourier", "order": 8}, "starts": 2, "meshes": 2}
 SLIDER = {
@@ -67,6 +69,16 @@ def test_pools_of_the_host_go_on() -> None:
     for _ in range(2):
         assert joblib.Parallel(n_jobs=2)(joblib.delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
         assert solve(task("linear_axis_1", SLIDER_RIGID, options=OPTIONS), workers=2).verified
+
+
+def blocked() -> bool:
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_processes_leave_ctrl_c_to_their_parent() -> None:
+    """It goes to all of a terminal; theirs would print a traceback each."""
+    assert dict(unordered(blocked, once(dict.fromkeys(range(2), ())), 2, lambda key: False)) == {0: True, 1: True}
+    assert not blocked()
 
 
 def pkmsea(folder: Path, streams: str, *program: str) -> subprocess.CompletedProcess[str]:

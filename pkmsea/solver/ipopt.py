@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
 import casadi as ca
 import numpy as np
 
+from pkmsea.bridge import _bridge
 from pkmsea.task import Options
 from pkmsea.transcription.nlp import Callback, Nlp
 
@@ -97,7 +100,8 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
         change = options.stagnation * min(abs(float(nlp.oracle(x / scale, p)[0])), 1.0) if options.stagnation else 0.0
         solver = solvers.get(left, warm=warm or bool(multipliers), change=change)
         bounds = {"lbx": lower / scale, "ubx": upper / scale, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
-        found = solver(x0=x / scale, p=p, **bounds, **multipliers)
+        with _muted():
+            found = solver(x0=x / scale, p=p, **bounds, **multipliers)
         Callback.stop_if()
         stats = solver.stats()
         outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
@@ -160,7 +164,6 @@ def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool, change: floa
         "print_time": False,
         "record_time": True,
         "error_on_fail": False,
-        "show_eval_warnings": False,  # one for every step that IPOPT has to shorten
         "calc_lam_p": False,
         "calc_lam_x": False,
     }
@@ -172,3 +175,13 @@ def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool, change: floa
 
 def excess(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
     return float(np.max(np.concatenate([lower - values, values - upper, [0.0]])))
+
+
+@contextlib.contextmanager
+def _muted() -> Iterator[None]:
+    """CasADi warns of every step that IPOPT has to shorten, and of Ctrl-C; not in this thread."""
+    _bridge.mute(True)
+    try:
+        yield
+    finally:
+        _bridge.mute(False)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import cache
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from joblib.externals.loky import ProcessPoolExecutor
@@ -29,13 +31,23 @@ _lock = threading.Lock()
 
 
 class _Executor:
-    """Processes for one run of calls at a time. loky's reusable executor is one for the whole program instead, where the
+    """Processes for one run of calls at a time. loky's reusable executor is one for the whole program instead, where
     calls of joblib and of other threads run, too."""
 
     def __init__(self, size: int) -> None:
         self.size = size
+        resource_tracker.ensure_running()  # its start unblocks Ctrl-C
         self._pool = ProcessPoolExecutor(size, timeout=IDLE, env=dict.fromkeys(THREADS, "1"))
-        self.submit, self.shutdown = self._pool.submit, self._pool.shutdown
+        self.shutdown = self._pool.shutdown
+
+    def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
+        """Hand a call over. Processes that this starts leave Ctrl-C to their parent, which ends them."""
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            future: Future[T] = self._pool.submit(function, *arguments)
+            return future
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     @classmethod
     def take(cls, size: int) -> _Executor:
