@@ -6,12 +6,14 @@ flat output, versions, solver record) stands beside the series as plain numbers 
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import h5netcdf
 import h5py
 import numpy as np
 import xarray as xr
@@ -99,10 +101,19 @@ def to_dataset(solution: Solution) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, record)
 
 
+def content_of(solution: Solution) -> bytes:
+    """The content of the result file, made in memory: HDF5 does not survive a full disk."""
+    buffer = io.BytesIO()
+    with h5netcdf.File(
+        buffer, "w"
+    ) as file:  # xarray would open it under a lock of the Dask cluster, where there is one
+        to_dataset(solution).dump_to_store(xr.backends.H5NetCDFStore(file, lock=False))
+    return buffer.getvalue()
+
+
 def save(solution: Solution, path: Path) -> Path:
     """Write the result file under a temporary name and move it into place."""
-    dataset = to_dataset(solution)
-    content = bytes(dataset.to_netcdf(engine="h5netcdf"))  # in memory: HDF5 does not survive a full disk
+    content = content_of(solution)
     write_whole(path, lambda temporary: temporary.write_bytes(content))
     return path
 
