@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import signal
 import sys
@@ -36,6 +37,8 @@ def run(app: Callable[[], Any]) -> None:
             raise
         cause, remedy = f"The system refuses this ({stop.strerror or stop}).", "Look at its room and rights."
         _end(InputError(cause, remedy, file=stop.filename or "standard output"), InputError.exit_code)
+    finally:
+        gc.freeze()  # else Python searches all expressions for circles before it ends, which takes up to a second
 
 
 def _open_streams() -> None:

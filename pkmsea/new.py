@@ -67,6 +67,8 @@ def _take(folder: Path, path: Path) -> list[Path]:
         write_whole(copied, lambda temporary: temporary.write_bytes(etree.tostring(source.root)))
     else:
         _copy(source.tree, copied)
+    for file in source.files:
+        _copy(file, folder / file.relative_to(source.tree.parent.resolve()))
     _take_meshes(folder, source)
     if source.sidecar is None:
         return [copied]
@@ -87,8 +89,8 @@ def _copy(source: Path, target: Path) -> None:
 def _take_meshes(folder: Path, source: Source) -> None:
     for mesh in source.root.findall("link/visual/geometry/mesh"):
         name = mesh.get("filename", "")
-        found, target = meshes.resolve(name, source.folder), folder / meshes.relative(name)
-        if found is not None and target.resolve().is_relative_to(folder.resolve()):
+        found, target = meshes.resolve(name, source.folder), meshes.beside(name, folder)
+        if found is not None and target is not None:
             _copy(found, target)
 
 

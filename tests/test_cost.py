@@ -36,10 +36,10 @@ def test_exact_derivatives(cost: Cost) -> None:
     nlp = flat.nlp(x, limited=False)
     p = nlp.parameter(0, x)
     f, slope = (lambda at: float(nlp.oracle(at, p)[0])), nlp.derivatives["grad_f"]
-    at, h = x / nlp.stacked("scale"), 1e-6
-    direction = np.random.default_rng(4).normal(size=x.size) * 1e-2
-    change = (f(at + h * direction) - f(at - h * direction)) / (2 * h)
-    assert float(ca.dot(slope(at, p)[1], direction)) == pytest.approx(change, rel=1e-4)
+    h = 1e-6
+    direction = np.random.default_rng(4).normal(size=x.size) * 1e-2 * nlp.stacked("scale")
+    change = (f(x + h * direction) - f(x - h * direction)) / (2 * h)
+    assert float(ca.dot(slope(x, p)[1], direction)) == pytest.approx(change, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["rms_torque", "peak_power"])

@@ -14,6 +14,7 @@ from pkmsea.motion import Motion
 from pkmsea.problem import build_problem
 from pkmsea.solution import Solution, solve
 from pkmsea.solver import Optimality, Outcome, Start, optima, optimality
+from pkmsea.solver.nlp import scaled
 from pkmsea.solver.optimality import _derivatives, _gradient, _sides, fit
 from pkmsea.transcription.nlp import Nlp, Variable
 from pkmsea.verification import verify
@@ -28,17 +29,17 @@ def nlp(f: Any, g: Any, x: ca.MX, bounds: list[tuple[float, float]], **changes: 
     n = x.numel()
     low, high = changes.get("box", (np.full(n, -np.inf), np.full(n, np.inf)))
     scale = np.array(changes.get("scale", np.ones(n)))
-    physical = ca.substitute([f, g], [x], [x * scale])
-    oracle = ca.Function("nlp", [x, ca.MX.sym("p")], physical, ["x", "p"], ["f", "g"])
+    oracle = ca.Function("nlp", [x, ca.MX.sym("p")], [f, g], ["x", "p"], ["f", "g"])
     lower, upper = np.array(bounds, float).reshape(-1, 2).T
     return Nlp((Variable("x", low, high, scale, np.zeros(n)),), lower, upper, oracle, 1, lambda step, x: P)
 
 
 def multipliers(problem: Nlp, x: np.ndarray) -> dict[tuple[int, float], float]:
     """By constraint (behind them the variables) and side."""
-    functions, scaled = _derivatives(problem), x / problem.stacked("scale")
-    sides = _sides(problem, scaled, P, functions)[1]
-    found = fit(_gradient(functions, scaled, P), sides)[0]
+    solved = scaled(problem)
+    functions, z = _derivatives(solved), x / solved.scale
+    sides = _sides(problem, solved, z, P, functions)[1]
+    found = fit(_gradient(functions, z, P), sides)[0]
     return {(int(i), float(s)): float(m) for i, s, m in zip(sides.constraint, sides.sign, found, strict=True)}
 
 

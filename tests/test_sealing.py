@@ -133,9 +133,9 @@ def test_playback_page(bad: Solution, tmp_path: Path) -> None:
 
 
 def forged(source: Path, target: Path, change: Callable[[xr.Dataset], None]) -> Path:
-    dataset = read_dataset(source)
-    change(dataset)
-    dataset.to_netcdf(target, engine="h5netcdf")
+    with xr.open_dataset(source, engine="h5netcdf") as dataset:
+        change(dataset)
+        dataset.to_netcdf(target, engine="h5netcdf")
     return target
 
 

@@ -11,10 +11,11 @@ import xarray as xr
 from conftest import ELASTIC, PARALLEL, RIGID, SLIDER_ELASTIC, SLIDER_RIGID, task
 
 from pkmsea.errors import Infeasible, InputError
+from pkmsea.files import write_whole
 from pkmsea.motion import Motion
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.audit import BALANCE, CLOSURE
-from pkmsea.solution.store import load, write_whole
+from pkmsea.solution.store import load
 
 FOURIER = {"trajectory": {"kind": "fourier", "order": 10}, "starts": 3}
 

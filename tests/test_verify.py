@@ -21,7 +21,6 @@ from pkmsea.errors import InputError
 from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.paper import reproduce
 from pkmsea.solution import Solution, solve
-from pkmsea.solution.store import read_dataset
 from pkmsea.verification import Verification, verify
 from pkmsea.verification.drives import Drives
 from pkmsea.verification.dynamics import Robot
@@ -156,9 +155,9 @@ def test_free_motion_keeps_its_energy(tmp_path: Path, closure: str) -> None:
 
 
 def edit(source: Path, target: Path, change: Callable[[xr.Dataset], None]) -> Path:
-    dataset = read_dataset(source)
-    change(dataset)
-    dataset.to_netcdf(target, engine="h5netcdf")
+    with xr.open_dataset(source, engine="h5netcdf") as dataset:
+        change(dataset)
+        dataset.to_netcdf(target, engine="h5netcdf")
     return target
 
 

@@ -11,6 +11,7 @@
 namespace nb = nanobind;
 
 using Array = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
+using ConstArray = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using Indices = nb::ndarray<int32_t, nb::c_contig, nb::device::cpu>;
 
 // The array's numbers, if there are rows x columns of them.

@@ -71,7 +71,7 @@ class Grid {
   }
 
   // w without its parameters (3 jets + free, instants) from x.
-  void spread(Array x, Array w) const {
+  void spread(ConstArray x, Array w) const {
     const double *given = numbers(x, 1, size_, "x");
     double *to = numbers(w, W_ - parameters_, instants_, "w");
     std::vector<double> own(local_);

@@ -1,4 +1,4 @@
-"""Commands on result files: verify, export, plot, play."""
+"""Commands on result files: show, verify, export, plot, play."""
 
 from __future__ import annotations
 
@@ -8,6 +8,24 @@ from typing import Annotated
 import typer
 
 from pkmsea.cli.app import Json, app, emit, end
+
+
+@app.command()
+def show(
+    result: Annotated[list[Path], typer.Argument(help="Result files (.nc); others are relative to the first.")],
+    json_: Json = False,
+) -> None:
+    """Print the table of results again, as 'pkmsea solve' printed it."""
+    from pkmsea.solution.store import load
+    from pkmsea.views import records, tables
+
+    _tell_changes(result)
+    solved = [load(file) for file in result]
+    if json_:
+        emit(records.solutions(solved, solved[0], {}))
+    else:
+        tables.print_solutions(solved, solved[0], {})
+    end({}, unverified=not all(solution.verified for solution in solved))
 
 
 @app.command()
@@ -21,6 +39,7 @@ def verify(
     from pkmsea.verification import verify as verification_of
     from pkmsea.views import records, tables
 
+    _tell_changes(result)
     found: dict[str, Verification] = {}
     failures: dict[str, SolveError] = {}
     for file in result:
@@ -47,6 +66,7 @@ def export(
     """Write motor positions, speeds, torques and joint references of one cycle, ready for a drive."""
     from pkmsea.solution.export import export as write
 
+    _tell_changes([result])
     path = out or result.with_suffix(".csv")
     sampling = write(result, path, rate, unverified=unverified)
     typer.echo(f"wrote {path}: {sampling}")
@@ -61,6 +81,7 @@ def plot(
     from pkmsea.solution.store import load
     from pkmsea.views.figures import overview, save_figure
 
+    _tell_changes(result)
     path = out or result[0].with_suffix(".png")
     save_figure(overview([load(file) for file in result]), path)
     typer.echo(f"wrote {path}")
@@ -75,6 +96,7 @@ def play(
     from pkmsea.solution.store import load
     from pkmsea.views import playback
 
+    _tell_changes([result])
     solution = load(result)
     typer.echo(f"{solution.name}: {solution.cost.show(solution.value)}, {solution.status}")
     if html is not None:
@@ -83,3 +105,11 @@ def play(
     visualizer = playback.play(solution)
     visualizer.open()
     typer.prompt("Playing; press Enter to stop", default="", show_default=False)
+
+
+def _tell_changes(results: list[Path]) -> None:
+    """Say which results are of mechanisms whose own files have changed since."""
+    from pkmsea.solution.store import changed
+
+    for note in filter(None, map(changed, results)):
+        typer.echo(note, err=True)

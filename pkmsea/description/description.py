@@ -97,6 +97,11 @@ class Description(Record):
         """Of all that the Functions follow from; the same wherever the files lie."""
         return hashlib.sha256(self.model_dump_json(exclude=NOT_MOTION).encode()).hexdigest()[:16]
 
+    def fits(self, other: Description) -> bool:
+        """Whether all that another one says of the motion is said here, too; this one may say more."""
+        said = {key: value for key, value in other if key not in NOT_MOTION and value is not None}
+        return all(getattr(self, key) == value for key, value in said.items())
+
     def where(self, key: str, place: str | None = None, value: Any = None) -> dict[str, Any]:
         """File, key and value of an error; `place` says where below `key` it is."""
         return {"file": self.origin.file(key), "key": place or key, "value": value}

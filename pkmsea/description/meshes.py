@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+from pkmsea.description import xml
+from pkmsea.description.description import Description
 from pkmsea.description.xml import Element
 from pkmsea.files import is_file
 
@@ -52,12 +54,29 @@ def resolve(name: str, folder: Path) -> Path | None:
     return None
 
 
-def relative(name: str) -> str:
-    """Where a copy of the mesh belongs beside a copy of the tree, so that `resolve` finds it."""
+def beside(name: str, folder: Path) -> Path | None:
+    """Where a copy of the mesh belongs beside a copy of the tree, so that `resolve` finds it; None if outside."""
     parts = urlsplit(name)
-    if parts.scheme == "package":
-        return f"{parts.netloc}/{unquote(parts.path).lstrip('/')}".lstrip("/")
-    return unquote(parts.path)
+    rest = unquote(parts.path)
+    path = folder / (f"{parts.netloc}/{rest.lstrip('/')}".lstrip("/") if parts.scheme == "package" else rest)
+    return path if path.resolve().is_relative_to(folder.resolve()) else None
+
+
+def contents(description: Description) -> dict[str, bytes]:
+    """The mesh files that a description's visuals show, by the names that its tree gives them."""
+    root, folder = xml.parse_text(description.tree.encode(), description.origin.tree), description.origin.meshes
+    names = dict.fromkeys(mesh.get("filename", "") for mesh in root.findall("link/visual/geometry/mesh"))
+    files = {name: resolve(name, folder) for name in names}
+    return {name: file.read_bytes() for name, file in files.items() if file is not None}
+
+
+def unpack(files: Mapping[str, bytes], folder: Path) -> None:
+    """Write what `contents` gave so that `resolve` finds it in a folder."""
+    for name, content in files.items():
+        path = beside(name, folder)
+        if path is not None and path.suffix.lower() in FORMATS:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
 
 
 def _candidates(name: str, folder: Path) -> Iterator[tuple[Path, str]]:

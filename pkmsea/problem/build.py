@@ -16,8 +16,12 @@ from pkmsea.problem.problem import Problem
 from pkmsea.task import Setup, Task, load_task
 
 
-def build_problem(source: Task | str | Path, setup: str | None = None) -> Problem:
+def build_problem(
+    source: Task | str | Path, setup: str | None = None, *, mechanism: Mechanism | None = None
+) -> Problem:
     """The problem of one setup of a task, or of a task file; the setup may be left out if there is only one.
+
+    A mechanism that is given takes the place of the one that the setup names.
 
     Raises
     ------
@@ -28,7 +32,7 @@ def build_problem(source: Task | str | Path, setup: str | None = None) -> Proble
     with blaming(task.file):
         return Problem(
             name=chosen.name,
-            mechanism=_mechanism(task, chosen),
+            mechanism=mechanism or _mechanism(task, chosen),
             drives=chosen.drives,
             cycle=task.cycle,
             limits=task.limits,

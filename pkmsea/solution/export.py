@@ -7,12 +7,14 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from pkmsea.errors import InputError, Unverified
+from pkmsea.files import write_whole
+from pkmsea.solution import netcdf
 from pkmsea.solution.feedforward import Sampling, feedforward
+from pkmsea.solution.netcdf import Dataset
 from pkmsea.solution.solution import Solution
-from pkmsea.solution.store import load, write_whole
+from pkmsea.solution.store import load
 
 RATE = 1000.0  # [Hz]
 
@@ -45,21 +47,19 @@ def export(
             file=None if isinstance(source, Solution) else Path(source),
         )
     dataset = feedforward(solution, sampling)
-    write = partial(_write_csv, dataset) if target.suffix.lower() == ".csv" else partial(_write_netcdf, dataset)
-    write_whole(target, write)
+    if target.suffix.lower() == ".csv":
+        write_whole(target, partial(_write_csv, dataset))
+    else:
+        netcdf.write(dataset, target)
     return sampling
 
 
-def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
-    dataset.to_netcdf(path, engine="h5netcdf")
-
-
-def _write_csv(dataset: xr.Dataset, path: Path) -> None:
+def _write_csv(dataset: Dataset, path: Path) -> None:
     """Head and meanings behind '#', a row of names with units, then numbers that read back to the last bit."""
-    variables = [dataset["time"], *dataset.data_vars.values()]
+    columns = dataset.arrays
     with path.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {key}: {value}\n" for key, value in dataset.attrs.items())
-        file.writelines(f"# {x.name}: {x.attrs['long_name']}\n" for x in variables[1:])
+        file.writelines(f"# {name}: {x.attrs['long_name']}\n" for name, x in columns.items() if name != "time")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([f"{x.name} [{x.attrs['units']}]" for x in variables])
-        writer.writerows(np.column_stack([x.values for x in variables]).tolist())
+        writer.writerow([f"{name} [{x.attrs['units']}]" for name, x in columns.items()])
+        writer.writerows(np.column_stack([x.values for x in columns.values()]).tolist())

@@ -12,11 +12,11 @@ from importlib.metadata import version
 from math import ceil, isfinite
 
 import numpy as np
-import xarray as xr
 
 from pkmsea.errors import InputError
 from pkmsea.motion.series import POINTS, Series, series
 from pkmsea.problem import Cost, Problem
+from pkmsea.solution.netcdf import Array, Dataset
 from pkmsea.solution.solution import Solution
 
 FORMAT = "pkmsea feed-forward 1"
@@ -72,18 +72,18 @@ class Sampling:
         return np.arange(self.samples) * self.period / self.samples
 
 
-def feedforward(solution: Solution, sampling: Sampling) -> xr.Dataset:
+def feedforward(solution: Solution, sampling: Sampling) -> Dataset:
     """One variable per column, with unit and meaning; the head as attributes."""
     stride = ceil(POINTS / sampling.samples)  # damped springs need a dense period, and paths are followed densely
     s = series(solution.problem, solution.motion, sampling.samples * stride)
     columns = {
-        name: ("time", values[::stride], {"units": unit, "long_name": text})
+        name: Array(("time",), values[::stride], {"units": unit, "long_name": text})
         for name, unit, text, values in _columns(solution.problem, s)
     }
     tau = s.tau[::stride]
     jump = np.abs(np.diff(tau, axis=0, append=tau[:1])).max() / np.abs(tau).max(initial=np.finfo(float).tiny)
     head = {**_head(solution, sampling), "largest_torque_step_over_peak": float(jump)}
-    return xr.Dataset(columns, {"time": ("time", sampling.instants, {"units": "s"})}, head)
+    return Dataset({"time": Array(("time",), sampling.instants, {"units": "s"}), **columns}, head)
 
 
 def _columns(problem: Problem, s: Series) -> list[tuple[str, str, str, np.ndarray]]:

@@ -10,6 +10,7 @@ from pkmsea.motion import Motion
 from pkmsea.solution.audit import Audit, audit
 from pkmsea.solver import Outcome, Start
 from pkmsea.solver.multistart import SHARPENING, improve
+from pkmsea.solver.saddles import leave_saddles
 from pkmsea.transcription import Transcription
 
 SOFTER = slice(1, None)  # steps of the second try, where sharpening at once fails
@@ -86,6 +87,8 @@ def refine(transcription: Transcription, start: Start) -> Refined | None:
     """
     options = transcription.problem.options
     end = time.perf_counter() + options.time_limit
+    if transcription.refines:
+        start = leave_saddles(transcription, start)
     found = unrefined(transcription, start)
     finer = transcription.refined()
     while found is not None and finer is not None and not found.verified and len(found.meshes) < options.meshes:
@@ -105,5 +108,5 @@ def _solve_from(finer: Transcription, found: Refined, start: Start) -> Refined |
     for steps in (SHARPENING, SOFTER):
         solved = improve(finer, start.index, x, steps, limited=start.limited, warm=True)
         if solved.usable and (solved.outcome is Outcome.OPTIMAL or solved.claimed <= enough):
-            return unrefined(finer, solved)
+            return unrefined(finer, leave_saddles(finer, solved))
     return None

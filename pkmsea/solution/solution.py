@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import json
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pkmsea.actuation.cost import ENERGY, positive
+from pkmsea.description import meshes
 from pkmsea.errors import SolveError, one_line
 from pkmsea.motion import Motion
 from pkmsea.motion.series import Series
-from pkmsea.problem import Cost, Problem
+from pkmsea.problem import Cost, Problem, task_of
+from pkmsea.solution import netcdf
 from pkmsea.solution.audit import Audit, audit
 from pkmsea.solution.local import optimality_of
+from pkmsea.solution.netcdf import Array, Dataset
+from pkmsea.solution.records import arrays_of, start_record
 from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Optimality, Optimum, Start, optima
 from pkmsea.transcription import TRANSCRIPTIONS
 
+FORMAT = "pkmsea result 2"
+MESH = "mesh"  # attribute of the copy of a mesh file: the name that the tree gives it
+PACKAGES = ("pkmsea", "casadi", "pin", "numpy")  # whose versions are stored
 STATED = 1e-6  # difference of a file's value from the recomputed one, relative like the audit's gap
 
 
@@ -36,7 +45,7 @@ class Solution:
     meshes : the refinement.
     seconds : wall time of the whole solve.
     interrupted : whether Ctrl-C ended the multi-start early; the solution is the best of what was found by then.
-    stated : true value that the file states from which this was loaded; None if it was solved.
+    stated, file : true value that the file states from which this was loaded, and the file; None if it was solved.
     """
 
     problem: Problem
@@ -47,6 +56,7 @@ class Solution:
     seconds: float
     interrupted: bool = False
     stated: float | None = None
+    file: Path | None = None
 
     @cached_property
     def _audited(self) -> tuple[Audit, Series]:
@@ -117,7 +127,8 @@ class Solution:
     def faults(self) -> tuple[str, ...]:
         """What keeps the result from being verified.
 
-        The audit's faults, meshes that do not agree, and a file that states another value than its motion has.
+        The audit's faults, meshes that do not agree, a point that is no local minimum, and a file that states another
+        value than its motion has.
         """
         try:
             audit, options = self.audit(), self.problem.options
@@ -129,6 +140,8 @@ class Solution:
         ):
             values = ["unsolved" if mesh.value is None else self.cost.show(mesh.value) for mesh in self.meshes]
             faults.append(f"no two successive meshes agree ({', '.join(values)})")
+        if not self.interrupted and (optimality := self.optimality()) is not None:
+            faults += optimality.faults
         if self.stated is not None and not abs(self.stated - audit.value) <= STATED * audit.scale:
             stated, found = (self.cost.show(value, ".6g") for value in (self.stated, audit.value))
             faults.append(f"the file states {stated}, its motion takes {found}")
@@ -140,9 +153,11 @@ class Solution:
 
     @property
     def status(self) -> str:
-        """'verified', or why not."""
-        faults = self.faults
-        return "not verified: " + "; ".join(faults) if faults else "verified"
+        """'verified', with what is undecided about it, or why not."""
+        if self.faults:
+            return "not verified: " + "; ".join(self.faults)
+        optimality = self.optimality()
+        return ", but ".join(filter(None, ("verified", optimality.remark if optimality else "")))
 
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
@@ -155,8 +170,39 @@ class Solution:
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
+    def dataset(self) -> Dataset:
+        """The result file's content, but for its meshes: labelled time series, with the record of the solve as
+        attributes."""
+        problem, audit, optimality = self.problem, self.audit(), self.optimality()
+        record = {
+            "format": FORMAT,
+            "setup": problem.name,
+            "task": task_of(problem).model_dump_json(),
+            "mechanism": problem.mechanism.description.model_dump_json(),
+            "basis": self.motion.basis.trajectory.model_dump_json(),
+            problem.cost.name: audit.value,
+            "claimed": self.claimed,
+            "status": self.status,
+            "audit": json.dumps({key: value for key, value in asdict(audit).items() if key != "cost"}),
+            "optimality": json.dumps(optimality and asdict(optimality)),
+            "optima": json.dumps([asdict(optimum) for optimum in self.optima]),
+            "starts": json.dumps([start_record(start) for start in self.starts]),
+            "meshes": json.dumps([asdict(mesh) for mesh in self.meshes]),
+            "seconds": self.seconds,
+            "versions": json.dumps({name: version(name) for name in PACKAGES}),
+        }
+        return Dataset(arrays_of(problem, self.motion), record)
+
     def save(self, path: str | Path) -> Path:
         """Write the result file (NetCDF), whole or not at all; see `pkmsea.solution.store`."""
-        from pkmsea.solution.store import save
+        write(self.dataset(), self.problem, path := Path(path))
+        return path
 
-        return save(self, Path(path))
+
+def write(dataset: Dataset, problem: Problem, path: Path) -> None:
+    """Write a result file: the `dataset` of a solution, and the mesh files that its mechanism shows."""
+    copies = {
+        f"mesh_{i}": Array((f"byte_{i}",), np.frombuffer(content, np.uint8), {MESH: name})
+        for i, (name, content) in enumerate(meshes.contents(problem.mechanism.description).items())
+    }
+    netcdf.write(Dataset({**dataset.arrays, **copies}, dataset.attrs), path)

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from pkmsea.bridge import _bridge
+from pkmsea.solver.nlp import ScaledNlp, scaled
 from pkmsea.task import Options
 from pkmsea.transcription.nlp import Callback, Nlp
 
@@ -85,10 +86,10 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
     `warm` says that the guess is nearly optimal and must not be pushed away from its bounds.
     """
     begin = time.perf_counter()
-    x, scale = nlp.stacked("guess"), nlp.stacked("scale")
-    lower, upper = nlp.stacked("lower"), nlp.stacked("upper")
+    x, lower, upper = (nlp.stacked(key) for key in ("guess", "lower", "upper"))
+    problem = scaled(nlp)
     multipliers: dict[str, ca.DM] = {}
-    solvers = _Solvers(nlp, options)
+    solvers = _Solvers(problem, options)
     iterations: list[int] = []
     outcome, violation, seconds, evaluation = Outcome.FAILED, np.inf, 0.0, 0.0
     for step in range(nlp.steps) if steps is None else steps:
@@ -97,18 +98,18 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
             outcome = Outcome.TIME
             break
         p = nlp.parameter(step, x)
-        change = options.stagnation * min(abs(float(nlp.oracle(x / scale, p)[0])), 1.0) if options.stagnation else 0.0
+        change = options.stagnation * min(abs(float(nlp.oracle(x, p)[0])), 1.0) if options.stagnation else 0.0
         solver = solvers.get(left, warm=warm or bool(multipliers), change=change)
-        bounds = {"lbx": lower / scale, "ubx": upper / scale, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
+        bounds = {"lbx": problem.lower, "ubx": problem.upper, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
         with _muted():
-            found = solver(x0=x / scale, p=p, **bounds, **multipliers)
+            found = solver(x0=x / problem.scale, p=p, **bounds, **multipliers)
         Callback.stop_if()
         stats = solver.stats()
         outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
         iterations.append(int(stats.get("iter_count", 0)))
         seconds += stats["t_wall_total"]
         evaluation += sum(part for key, part in stats.items() if key.startswith("t_wall_nlp_"))
-        candidate = np.array(found["x"]).ravel() * scale
+        candidate = np.array(found["x"]).ravel() * problem.scale
         if not np.all(np.isfinite(candidate)):
             break
         x = candidate
@@ -123,7 +124,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
 class _Solvers:
     """IPOPT on one NLP; a solver serves again as long as the time that is left has hardly changed."""
 
-    def __init__(self, nlp: Nlp, options: Options) -> None:
+    def __init__(self, nlp: ScaledNlp, options: Options) -> None:
         self._nlp, self._options = nlp, options
         self._made: dict[tuple[bool, float], tuple[float, ca.Function]] = {}
 
@@ -136,7 +137,7 @@ class _Solvers:
         return solver
 
 
-def _solver(nlp: Nlp, options: Options, seconds: float, warm: bool, change: float) -> ca.Function:
+def _solver(nlp: ScaledNlp, options: Options, seconds: float, warm: bool, change: float) -> ca.Function:
     ipopt = {
         "max_iter": options.iterations,
         "max_wall_time": seconds,

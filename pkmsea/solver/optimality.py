@@ -21,6 +21,7 @@ from scipy.linalg import eigh, eigvalsh, qr, solve
 from scipy.optimize import nnls
 
 from pkmsea.solver.ipopt import excess
+from pkmsea.solver.nlp import ScaledNlp, scaled
 from pkmsea.transcription.nlp import Nlp
 
 NEAR = 1e-3  # of the distance between its bounds (of a single bound: of its size, at least 1): may have a multiplier
@@ -51,6 +52,7 @@ class Optimality:
     kind : 'minimum'; 'saddle' where there are negative directions; 'undecided' where the curvature is zero within
         rounding, or where only constraints without a multiplier block the negative directions.
     unit : what differences of the objective are relative to, in the cost's unit.
+    allowed : the saving that is as good as none.
     """
 
     stationarity: float
@@ -61,6 +63,7 @@ class Optimality:
     negative: int
     kind: str
     unit: float
+    allowed: float = SAVING
 
     def __repr__(self) -> str:
         return f"<Optimality: {self.kind}, KKT residual {self.error:.1e}, a Newton step saves {self.saving:.1e}>"
@@ -75,9 +78,9 @@ class Optimality:
         """Whether the point satisfies the first-order conditions within STATIONARY, or misses them by rounding only.
 
         Where the problem is stiff, rounding of x leaves a large gradient; what it can save (which does not depend on
-        scales) is then at most SAVING.
+        scales) is then at most `allowed`.
         """
-        return self.error <= STATIONARY or self.saving <= SAVING
+        return self.error <= STATIONARY or self.saving <= self.allowed
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -87,6 +90,11 @@ class Optimality:
         if self.kind == "saddle":
             return (f"the motion is a saddle point: the cost falls along {self.negative} directions",)
         return ()
+
+    @property
+    def remark(self) -> str:
+        """What stays open about a result that is verified; empty for a minimum."""
+        return "whether it is a minimum is undecided" if self.kind == "undecided" else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,28 +117,43 @@ class Sides:
     equation: np.ndarray
 
 
-def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Optimality:
+def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0, allowed: float = SAVING) -> Optimality:
     """The conditions at x (physical units) for the parameter p of a step; see `Optimality`.
 
-    `unit` is what differences of the objective are relative to.
+    `unit` is what differences of the objective are relative to; `allowed` is the `saving` up to which a point counts as
+    stationary.
     """
-    scaled, functions = x / nlp.stacked("scale"), _derivatives(nlp)
-    violation, sides = _sides(nlp, scaled, p, functions)
-    gradient = _gradient(functions, scaled, p) / unit
+    return _examine(nlp, x, p, unit, allowed)[0]
+
+
+def descent(nlp: Nlp, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Where x is a saddle: the unit direction, in variables over their scales, along which the cost falls most to
+    second order, and its curvature w < 0; else None."""
+    found, direction = _examine(nlp, x, p, 1.0, SAVING)
+    return None if direction is None or found.curvature is None else (direction, found.curvature)
+
+
+def _examine(
+    nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float, allowed: float
+) -> tuple[Optimality, np.ndarray | None]:
+    problem = scaled(nlp)
+    z, functions = x / problem.scale, _derivatives(problem)
+    violation, sides = _sides(nlp, problem, z, p, functions)
+    gradient = _gradient(functions, z, p) / unit
     multipliers, residual = fit(gradient, sides)
     mean = max(MEAN_MULTIPLIER, float(multipliers.sum()) / (nlp.g_lower.size + x.size)) / MEAN_MULTIPLIER
     on_g = np.bincount(sides.constraint, sides.sign * multipliers, nlp.g_lower.size + x.size)[: nlp.g_lower.size]
-    hessian = np.array(ca.triu2symm(ca.DM(functions["hess_lag"](scaled, p, 1.0, on_g * unit)))) / unit
+    hessian = np.array(ca.triu2symm(ca.DM(functions["hess_lag"](z, p, 1.0, on_g * unit)))) / unit
     strong = sides.equation | (multipliers > STRONG * multipliers.max(initial=0.0))
-    values, saving, zero = _reduced(hessian, residual, sides.normals[strong])
-    negative, kind = int((values < -zero).sum()), "minimum"
+    values, saving, zero, _ = _reduced(hessian, residual, sides.normals[strong])
+    negative, kind, direction = int((values < -zero).sum()), "minimum", None
     if negative:
-        blocked = _reduced(hessian, residual, sides.normals[strong | sides.active])[0]
+        blocked, _, _, direction = _reduced(hessian, residual, sides.normals[strong | sides.active])
         negative = int((blocked < -zero).sum())
         kind = "saddle" if negative else "undecided"
     elif np.any(values <= zero):
         kind = "undecided"
-    return Optimality(
+    found = Optimality(
         stationarity=float(np.abs(residual).max()) / mean,
         infeasibility=violation,
         complementarity=float(np.abs(multipliers * sides.slack).max(initial=0.0)) / mean,
@@ -139,7 +162,9 @@ def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Opt
         negative=negative,
         kind=kind,
         unit=unit,
+        allowed=allowed,
     )
+    return found, direction if kind == "saddle" else None
 
 
 def last_parameter(nlp: Nlp, x: np.ndarray) -> np.ndarray:
@@ -149,13 +174,14 @@ def last_parameter(nlp: Nlp, x: np.ndarray) -> np.ndarray:
     mille. So ln p is fitted with the multipliers, within BLUR: grad L(x, lambda, p) = 0 is linear in lambda, and
     Newton's iteration linearises it in ln p.
     """
-    scaled, functions = x / nlp.stacked("scale"), _derivatives(nlp)
+    problem = scaled(nlp)
+    z, functions = x / problem.scale, _derivatives(problem)
     first = nlp.parameter(nlp.steps - 1, x)
-    sides, shift = _sides(nlp, scaled, first, functions)[1], 0.0
+    sides, shift = _sides(nlp, problem, z, first, functions)[1], 0.0
     for _ in range(BLUR_STEPS):
         p = first * np.exp(shift)
-        gradient = _gradient(functions, scaled, p)
-        slope = (_gradient(functions, scaled, p * np.exp(BLUR_STEP)) - gradient) / BLUR_STEP
+        gradient = _gradient(functions, z, p)
+        slope = (_gradient(functions, z, p * np.exp(BLUR_STEP)) - gradient) / BLUR_STEP
         step = fit(gradient, sides, slope)[0][-2:]
         shift = float(np.clip(shift + step[0] - step[1], -BLUR, BLUR))
     return np.asarray(first * np.exp(shift))
@@ -176,30 +202,32 @@ def fit(gradient: np.ndarray, sides: Sides, free: np.ndarray | None = None) -> t
     return found, gradient + columns @ found
 
 
-def _derivatives(nlp: Nlp) -> dict[str, ca.Function]:
+def _derivatives(problem: ScaledNlp) -> dict[str, ca.Function]:
     """The NLP's own derivatives, else CasADi's."""
-    if nlp.derivatives:
-        return nlp.derivatives
+    if problem.derivatives:
+        return problem.derivatives
     given, on = ["x", "p"], {"gamma": ["f", "g"]}
     return {
-        "grad_f": nlp.oracle.factory("grad_f", given, ["f", "grad:f:x"]),
-        "jac_g": nlp.oracle.factory("jac_g", given, ["g", "jac:g:x"]),
-        "hess_lag": nlp.oracle.factory("hess_lag", [*given, "lam:f", "lam:g"], ["triu:hess:gamma:x:x"], on),
+        "grad_f": problem.oracle.factory("grad_f", given, ["f", "grad:f:x"]),
+        "jac_g": problem.oracle.factory("jac_g", given, ["g", "jac:g:x"]),
+        "hess_lag": problem.oracle.factory("hess_lag", [*given, "lam:f", "lam:g"], ["triu:hess:gamma:x:x"], on),
     }
 
 
-def _gradient(functions: dict[str, ca.Function], scaled: np.ndarray, p: np.ndarray) -> np.ndarray:
-    return np.array(functions["grad_f"](scaled, p)[1]).ravel()
+def _gradient(functions: dict[str, ca.Function], z: np.ndarray, p: np.ndarray) -> np.ndarray:
+    return np.array(functions["grad_f"](z, p)[1]).ravel()
 
 
-def _sides(nlp: Nlp, scaled: np.ndarray, p: np.ndarray, functions: dict[str, ca.Function]) -> tuple[float, Sides]:
-    """Largest violation, and the sides within NEAR of x."""
-    g, J = (ca.DM(value) for value in functions["jac_g"](scaled, p))
+def _sides(
+    nlp: Nlp, problem: ScaledNlp, z: np.ndarray, p: np.ndarray, functions: dict[str, ca.Function]
+) -> tuple[float, Sides]:
+    """Largest violation, and the sides within NEAR of z."""
+    g, J = (ca.DM(value) for value in functions["jac_g"](z, p))
     jacobian = sparse.csc_matrix((J.nonzeros(), J.sparsity().row(), J.sparsity().colind()), J.shape)
-    normals = sparse.vstack([jacobian, sparse.eye(scaled.size)]).tocsr()
-    values, scale = np.concatenate([np.array(g).ravel(), scaled]), nlp.stacked("scale")
-    lower = np.concatenate([nlp.g_lower, nlp.stacked("lower") / scale])
-    upper = np.concatenate([nlp.g_upper, nlp.stacked("upper") / scale])
+    normals = sparse.vstack([jacobian, sparse.eye(z.size)]).tocsr()
+    values = np.concatenate([np.array(g).ravel(), z])
+    lower = np.concatenate([nlp.g_lower, problem.lower])
+    upper = np.concatenate([nlp.g_upper, problem.upper])
     found = []
     for sign, bound in ((-1.0, lower), (1.0, upper)):
         finite = np.flatnonzero(np.isfinite(bound))
@@ -215,8 +243,11 @@ def _sides(nlp: Nlp, scaled: np.ndarray, p: np.ndarray, functions: dict[str, ca.
     return excess(values, lower, upper), Sides(rows, slacks, signs, constraint, active, equation)
 
 
-def _reduced(hessian: np.ndarray, residual: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """On the null space of the normals: eigenvalues of the Hessian, what a Newton step saves, and rounding."""
+def _reduced(
+    hessian: np.ndarray, residual: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, float, float, np.ndarray | None]:
+    """On the null space of the normals: eigenvalues of the Hessian, what a Newton step saves, rounding, and the
+    direction of the smallest eigenvalue where that is not positive."""
     if normals.size:
         Q, R, _ = qr(normals.T, pivoting=True)
         diagonal = np.abs(np.diag(R))
@@ -225,10 +256,11 @@ def _reduced(hessian: np.ndarray, residual: np.ndarray, normals: np.ndarray) -> 
         Z = np.eye(hessian.shape[0])
     zero = hessian.shape[0] * np.finfo(float).eps * max(float(np.abs(hessian).max()), np.finfo(float).eps)
     if not Z.shape[1]:
-        return np.zeros(0), 0.0, zero
+        return np.zeros(0), 0.0, zero, None
     along, curved = Z.T @ residual, Z.T @ hessian @ Z
     values = eigvalsh(curved)
     if values[0] > zero:
-        return values, float(along @ solve(curved, along, assume_a="pos") / 2), zero
+        return values, float(along @ solve(curved, along, assume_a="pos") / 2), zero, None
     values, vectors = eigh(curved)
-    return values, float(((vectors.T @ along) ** 2 / np.maximum(np.abs(values), zero)).sum() / 2), zero
+    saving = float(((vectors.T @ along) ** 2 / np.maximum(np.abs(values), zero)).sum() / 2)
+    return values, saving, zero, Z @ vectors[:, 0]

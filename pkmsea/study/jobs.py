@@ -13,8 +13,9 @@ from typing import Any
 from pkmsea.errors import InputError, PkmseaError, SolveError, Unwritable, blaming
 from pkmsea.problem import Problem, task_of
 from pkmsea.solution import Solution
+from pkmsea.solution.netcdf import Dataset
+from pkmsea.solution.records import motion_of, motion_record
 from pkmsea.solution.solve import NEAR, select
-from pkmsea.solution.store import content_of, motion_of, motion_record
 from pkmsea.solver import Start
 from pkmsea.solver.multistart import distinct, finish, multistart, restart, run_start
 from pkmsea.study.calibrate import calibrated
@@ -31,11 +32,11 @@ Key = PointKey | str  # or what a calibrated number depends on
 
 @dataclass(frozen=True)
 class Answer:
-    """What has come of a job: columns of its row, `number` where that was looked for, and the result file's content."""
+    """What has come of a job: columns of its row, `number` where that was looked for, and the `dataset` to save."""
 
     key: Key
     found: Mapping[str, Any]
-    content: bytes | None = None
+    dataset: Dataset | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +79,7 @@ class PointJob(Job):
     near : motions of neighbours, as `motion_record`s in JSON, each a start.
     indices : of the random starts beside; None for the whole multi-start of the task.
     known : what this point's best solution so far claims on the first mesh [J]; None in the first round.
-    keep : whether the content of a result file is asked for.
+    keep : whether the solution is to be saved.
     """
 
     key: PointKey
@@ -97,7 +98,7 @@ class PointJob(Job):
         solution = select(transcription, starts, workers=1, begin=begin, required=known)
         if solution.interrupted:
             raise KeyboardInterrupt
-        return Answer(self.key, record(solution), content_of(solution) if self.keep else None)
+        return Answer(self.key, record(solution), solution.dataset() if self.keep else None)
 
     def _starts(self, transcription: Transcription) -> list[Start]:
         starts = [restart(transcription, motion_of(json.loads(text))) for text in self.near]

@@ -13,7 +13,7 @@ import pandas as pd
 from pkmsea.errors import InputError, one_line
 from pkmsea.files import file_name
 from pkmsea.solution import Mesh, Solution
-from pkmsea.solution.store import motion_of
+from pkmsea.solution.records import motion_of
 from pkmsea.study.calibrate import Number, with_numbers
 from pkmsea.study.study import Study
 from pkmsea.study.table import DONE, HIDDEN, NAME, OPTIMUM, best, rank, records

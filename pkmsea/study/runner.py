@@ -11,7 +11,9 @@ import numpy as np
 
 from pkmsea.ending import stop_if
 from pkmsea.errors import Unwritable
-from pkmsea.files import file_name, write_whole
+from pkmsea.files import file_name
+from pkmsea.problem import Problem
+from pkmsea.solution.solution import write
 from pkmsea.study.calibrate import with_numbers
 from pkmsea.study.jobs import Answer, CalibrationJob, Job, Key, PointJob, PointKey, crashed, failure, run
 from pkmsea.study.order import Order, Wait
@@ -56,7 +58,7 @@ class Runner:
         self.failed, self.least = 0, np.inf
         self.calibrated: dict[str, Row] = {key: {"number": x} for key, x in table.calibrated().items()}
         self.calibrations: dict[str, CalibrationJob] = {}
-        self.numbers: dict[PointKey, dict[str, float]] = {}  # calibrated ones of the points in hand
+        self.running: dict[PointKey, tuple[Problem, dict[str, float]]] = {}  # with the calibrated numbers in it
         for row in records(table.rows()):
             self._learn(row)
         rounds = 1 if isinstance(study.sample, Search) else study.rounds
@@ -181,7 +183,7 @@ class Runner:
         except Exception as error:  # a point that fails must not take the others with it
             self._add(key, failure(error))
             return None
-        self.numbers[key] = numbers
+        self.running[key] = problem, numbers
         before = self.study.rounds if point == OPTIMUM else turn or 1
         motions = tuple(row["motion"] for i in near if (row := self._best(case, setup, i, before)))
         known = first_claim(own) if own else None
@@ -196,12 +198,12 @@ class Runner:
             if "number" in found:
                 self.table.add_calibrated(key, found["number"])
             return
-        if (content := answer.content) is not None:
+        problem, numbers = self.running.pop(key)
+        if answer.dataset is not None:
             case, setup, point, turn = key
             folders = file_name(case, list(self.study.cases)), file_name(setup, self.study.names)
-            file = self.out.joinpath("results", *folders, f"{point}_{turn}.nc")
-            write_whole(file, lambda temporary: temporary.write_bytes(content))
-        self._add(key, self.numbers.pop(key) | found)
+            write(answer.dataset, problem, self.out.joinpath("results", *folders, f"{point}_{turn}.nc"))
+        self._add(key, numbers | found)
 
     def _add(self, key: PointKey, found: Row) -> None:
         values = {} if key[2] == OPTIMUM else self.points.at(key[2])

@@ -104,36 +104,34 @@ class FlatNlp:
         """The NLP around a first trajectory, whose poses are found by continuation."""
         self.robot.start(guess)
         variables = self._variables(guess)
-        scale = np.concatenate([variable.scale for variable in variables])
         pattern, rows = self._pattern, self._pattern.rows
-        scale_jacobian, scale_hessian = pattern.scales(scale)
         one, g = ca.Sparsity.dense(1), ("g", ca.Sparsity.dense(rows))
         given = [("x", ca.Sparsity.dense(self.robot.size)), ("p", one)]
         multipliers = [("lam_f", one), ("lam_g", ca.Sparsity.dense(rows))]
 
         def value(a, r):
             if r[0] is not None:
-                r[0][0] = self.objective(a[0] * scale, a[1][0])
+                r[0][0] = self.objective(a[0], a[1][0])
 
         def values(a, r):
             value(a, r)
             if r[1] is not None:
-                r[1][:] = self.constraints(a[0] * scale)
+                r[1][:] = self.constraints(a[0])
 
         def slopes(a, r):
             value(a, r)
             if r[1] is not None:
-                r[1][:] = self.gradient(a[0] * scale, a[1][0]) * scale
+                r[1][:] = self.gradient(a[0], a[1][0])
 
         def rates(a, r):
             if r[0] is not None:
-                r[0][:] = self.constraints(a[0] * scale)
+                r[0][:] = self.constraints(a[0])
             if r[1] is not None:
-                r[1][:] = self.jacobian(a[0] * scale) * scale_jacobian
+                r[1][:] = self.jacobian(a[0])
 
         def second(a, r):
             on_g = a[3] if a[3] is not None else np.zeros(rows)
-            r[0][:] = self.hessian(a[0] * scale, a[1][0], a[2][0], on_g) * scale_hessian
+            r[0][:] = self.hessian(a[0], a[1][0], a[2][0], on_g)
 
         f = ("f", one)
         oracle = Callback("nlp", given, [f, g], values)

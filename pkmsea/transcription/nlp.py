@@ -28,8 +28,9 @@ class Nlp:
 
     Attributes
     ----------
-    oracle : Function (x, p) -> (f, g) of the variables divided by their scales.
-    derivatives : likewise `grad_f`, `jac_g` and `hess_lag`, where they are put together by hand, else empty.
+    oracle : Function (x, p) -> (f, g), in physical units like all of this.
+    derivatives : `grad_f`, `jac_g` and `hess_lag`, as CasADi names and arranges them, where they are put together by
+        hand; else empty.
     steps : how often it is solved, each time warm-started from the last.
     parameter : (step, x) -> p of that step, given the x found so far, in physical units.
     keep : what must outlive the solve (the owner of callback Functions).
@@ -65,26 +66,26 @@ class Callback(ca.Callback):
         function: Callable[..., None],
     ) -> None:
         ca.Callback.__init__(self)
-        self._in, self._out, self._function = inputs, outputs, function
+        self.inputs, self.outputs, self.function = inputs, outputs, function
         self.construct(name, {})
 
     def get_n_in(self) -> int:
-        return len(self._in)
+        return len(self.inputs)
 
     def get_n_out(self) -> int:
-        return len(self._out)
+        return len(self.outputs)
 
     def get_name_in(self, i: int) -> str:
-        return self._in[i][0]
+        return self.inputs[i][0]
 
     def get_name_out(self, i: int) -> str:
-        return self._out[i][0]
+        return self.outputs[i][0]
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return self._in[i][1]
+        return self.inputs[i][1]
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return self._out[i][1]
+        return self.outputs[i][1]
 
     def has_eval_buffer(self) -> bool:
         return True
@@ -95,7 +96,7 @@ class Callback(ca.Callback):
         given = [None if x is None else np.frombuffer(x, dtype=float) for x in arguments]
         wanted = [None if x is None else np.frombuffer(x, dtype=float) for x in results]
         try:
-            self._function(given, wanted)
+            self.function(given, wanted)
         except (np.linalg.LinAlgError, FloatingPointError):
             return 1  # the point cannot be evaluated: IPOPT shortens its step
         except KeyboardInterrupt:

@@ -38,11 +38,6 @@ class Pattern:
         self._order = np.lexsort((all_rows, all_columns))
         self.jacobian = _sparsity(self.rows, size, all_rows[self._order], all_columns[self._order])
 
-    def scales(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Factors of the nonzeros of Jacobian and Hessian where each variable is divided by its scale."""
-        row, column = (np.array(x) for x in self.hessian.get_triplet())
-        return scale[np.array(self.jacobian.get_triplet()[1])], scale[row] * scale[column]
-
     def jacobian_values(self, nonlinear: np.ndarray) -> np.ndarray:
         """Nonzeros of the Jacobian from the rows of the limited signals."""
         return np.asarray(np.concatenate([self._linear, nonlinear.ravel()])[self._order])

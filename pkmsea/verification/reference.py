@@ -7,14 +7,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from scipy.interpolate import BSpline, make_interp_spline
 
 from pkmsea.errors import InputError
 from pkmsea.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.solution import Solution
-from pkmsea.solution.store import load, numbers, read_dataset, to_dataset
+from pkmsea.solution.netcdf import Dataset
+from pkmsea.solution.store import load, read_dataset
 from pkmsea.verification.drives import Drives
 
 DEGREE = 5  # of the periodic splines through the samples
@@ -98,19 +98,19 @@ def reference(source: Solution | str | Path) -> Reference:
     InputError : the file is missing, damaged, or its series do not fit its task.
     """
     if isinstance(source, Solution):
-        return _of_dataset(to_dataset(source), source, None)
+        return _of_dataset(source.dataset(), source, None)
     return _of_dataset(read_dataset(source), load(source), Path(source))
 
 
-def _of_dataset(dataset: xr.Dataset, solution: Solution, file: Path | None) -> Reference:
+def _of_dataset(dataset: Dataset, solution: Solution, file: Path | None) -> Reference:
     problem = solution.problem
     actuation = problem.actuation
     n, m, axes = actuation.mechanism.model.nq, actuation.m, actuation.mechanism.mobility
     widths = {"r_E": axes, "q": n, "v": n, "power": 0, "energy": 0}
     key = problem.cost.name
     try:
-        t = numbers(dataset, "time")
-        series = {name: numbers(dataset, name) for name in SERIES}
+        t = dataset.numbers("time")
+        series = {name: dataset.numbers(name) for name in SERIES}
         value = float(dataset.attrs[key])
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error

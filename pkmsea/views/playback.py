@@ -18,6 +18,7 @@ from pinocchio.visualize import MeshcatVisualizer
 from pkmsea.bridge import frame_id
 from pkmsea.files import write_whole
 from pkmsea.solution import Solution
+from pkmsea.solution.store import mesh_folder
 from pkmsea.views import sticks
 from pkmsea.views.server import serve
 
@@ -74,11 +75,12 @@ def draw(solution: Solution, visualizer: meshcat.Visualizer) -> None:
     period = solution.problem.cycle.period
     count = max(60, round(period * SLOW_MOTION * FRAMES_PER_SECOND))
     frames = np.linspace(0, s.t.size, count + 1).astype(int) % s.t.size
-    shapes = pin.buildGeomFromUrdfString(mechanism.model, sticks.drawn(mechanism), pin.VISUAL)
-    robot = MeshcatVisualizer(mechanism.model, pin.GeometryModel(), shapes)
     scene = visualizer["scene"]
-    robot.initViewer(viewer=scene)
-    robot.loadViewerModel(rootNodeName="robot")
+    with mesh_folder(solution) as folder:
+        shapes = pin.buildGeomFromUrdfString(mechanism.model, sticks.drawn(mechanism, folder), pin.VISUAL)
+        robot = MeshcatVisualizer(mechanism.model, pin.GeometryModel(), shapes)
+        robot.initViewer(viewer=scene)
+        robot.loadViewerModel(rootNodeName="robot")
     _furnish(solution, visualizer, scene)
     animation = meshcat.animation.Animation(default_framerate=FRAMES_PER_SECOND)
     data = mechanism.model.createData()

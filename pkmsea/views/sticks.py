@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 from lxml import etree
@@ -14,11 +16,11 @@ THICKNESS = 0.04  # of a stick, relative to the longest
 COLOR = "0.45 0.55 0.65 1"
 
 
-def drawn(mechanism: Mechanism) -> str:
-    """The URDF of a mechanism with something to see at each moving link, meshes by their absolute path."""
+def drawn(mechanism: Mechanism, folder: Path) -> str:
+    """The URDF of a mechanism with something to see at each moving link, meshes of a folder by their absolute path."""
     description = mechanism.description
     root = parse_text(description.tree.encode(), description.origin.tree)
-    meshes.resolve_all(root, description.origin.meshes)
+    meshes.resolve_all(root, folder)
     _add(root, mechanism.model)
     return etree.tostring(root, encoding="unicode")
 

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pkmsea.solution.store import write_whole
+from pkmsea.files import write_whole
 from pkmsea.study import Study, StudyResult
 from pkmsea.study.study import Grid, Search
 from pkmsea.views.landscape import landscapes, slices

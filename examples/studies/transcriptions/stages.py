@@ -80,7 +80,7 @@ class StageNlp:
         return np.bincount(self._hessian_at, blocks[self._upper], self.hessian_pattern.nnz())
 
     def nlp(self, variables: tuple[Variable, ...], widths: Callable[[int, np.ndarray], np.ndarray], steps: int) -> Nlp:
-        """Wrapped for the solver, with `widths` (step, x) -> eps; the variables' scales must be 1."""
+        """Wrapped for the solver, with `widths` (step, x) -> eps."""
         one, x, rows = ca.Sparsity.dense(1), ("x", ca.Sparsity.dense(self.size)), ca.Sparsity.dense(self.lower.size)
         given, f, g = [x, ("p", one)], ("f", one), ("g", rows)
 
