@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import brentq
 
-from pkmsea.errors import SolveError, blaming
+from pkmsea.errors import SolveError, Unverified, blaming
 from pkmsea.problem import Problem, build_problem
 from pkmsea.solution import solve
 from pkmsea.task import Task
@@ -47,14 +47,22 @@ def calibrated(problem: Problem, number: Number, energy: float, start: float, to
 
     Raises
     ------
-    SolveError : no value reaches the energy.
+    SolveError : no value reaches the energy. Unverified : the least energy at a value is not verified.
     """
     single = replace(problem, options=problem.options.model_copy(update={"starts": 1}))
 
     @cache
     def excess(logarithm: float) -> float:
         value = float(np.exp(logarithm))
-        return solve(with_numbers(single, **{number: value}), workers=1).energy / energy - 1.0
+        solution = solve(with_numbers(single, **{number: value}), workers=1)
+        if not solution.verified:
+            raise Unverified(
+                f"The energy of the setup '{problem.name}' is {solution.status} at this value.",
+                "Raise the task's options.meshes, or begin elsewhere.",
+                key=number,
+                value=value,
+            )
+        return solution.energy / energy - 1.0
 
     low = high = np.log(start)
     below = above = excess(low)
