@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from pkmsea.errors import SolveError, Unverified, blaming
 from pkmsea.problem import Problem, build_problem
-from pkmsea.solution import solve
+from pkmsea.solution import Solution, solve
 from pkmsea.task import Task
 
 Number = Literal["inertia", "friction", "copper_loss"]
@@ -50,11 +50,16 @@ def calibrated(problem: Problem, number: Number, energy: float, start: float, to
     SolveError : no value reaches the energy. Unverified : the least energy at a value is not verified.
     """
     single = replace(problem, options=problem.options.model_copy(update={"starts": 1}))
+    last: list[Solution] = []  # a neighbour, from which the next one is found sooner
 
     @cache
     def excess(logarithm: float) -> float:
         value = float(np.exp(logarithm))
-        solution = solve(with_numbers(single, **{number: value}), workers=1)
+        at_value = with_numbers(single, **{number: value})
+        solution = solve(at_value, workers=1, near=last[-1] if last else None)
+        if last and not solution.verified:
+            solution = solve(at_value, workers=1)
+        last[:] = [solution]
         if not solution.verified:
             raise Unverified(
                 f"The energy of the setup '{problem.name}' is {solution.status} at this value.",
