@@ -136,6 +136,6 @@ def test_meshes_are_looked_up_where_they_are_drawn(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace('<link name="upper_A">', f'<link name="upper_A">{visual}'))
     mechanism = load_mechanism(folder)
     assert 'filename="package://robot/arm.stl"' in mechanism.description.tree and not mechanism.description.notes
-    assert f'filename="{mesh}"' in sticks.drawn(mechanism) and "cylinder" in sticks.drawn(mechanism)
+    assert f'filename="{mesh}"' in sticks.drawn(mechanism, folder) and "cylinder" in sticks.drawn(mechanism, folder)
     mesh.unlink()
-    assert "arm.stl" not in sticks.drawn(mechanism)
+    assert "arm.stl" not in sticks.drawn(mechanism, folder)
