@@ -72,6 +72,8 @@ def _take(folder: Path, path: Path) -> list[Path]:
         write_whole(copied, lambda temporary: temporary.write_bytes(etree.tostring(source.root)))
     else:
         _copy(source.tree, copied)
+    for file in source.files:
+        _copy(file, folder / file.relative_to(source.tree.parent.resolve()))
     _take_meshes(folder, source)
     if source.sidecar is None:
         return [copied]

@@ -84,48 +84,6 @@ def test_xacro_without_xacrodoc_says_what_to_install(tmp_path: Path, monkeypatch
         load_mechanism(five_bar.xacro(tmp_path / "robot"))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("<worldbody>", '<include file="a.xml"/><worldbody>', "include: <include> is not read.*Save the model once"),
-        ('<body name="upper_B"', '<frame/><body name="upper_B"', "frame: <frame> is not read"),
-        ('name="A" axis', 'name="A" type="ball" axis', "joint 'A': type.*hinges and slides"),
-        ('name="A" axis', 'name="A" ref="0.3" axis', "joint 'A': ref"),
-        ('name="A" axis', 'name="A" stiffness="3" axis', "joint 'A': stiffness.*springs belong to the drives"),
-        ('mass="0.0448"', 'mass="x"', "inertial '': mass = 'x'"),
-        (
-            '<inertial pos="0.1 0 0" mass="0.0448"',
-            '<geom type="mesh" mesh="m"',
-            "body 'lower_A': geom: The inertia of a mesh",
-        ),
-        ('body2="lower_B"', 'body2="lower_C"', "equality 'tips': body2: There is no body named 'lower_C'"),
-        ('body1="lower_A" body2="lower_B"', 'site1="tool" site2="tool"', "equality 'tips': A closure between sites"),
-        ("<connect", '<tendon tendon1="t"/><connect', "equality: An equality of type tendon"),
-    ],
-)
-def test_what_pinocchio_would_drop_from_mjcf_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
-    file = five_bar.mjcf(tmp_path / "robot") / "robot.xml"
-    text = file.read_text()
-    assert old in text
-    file.write_text(text.replace(old, new, 1))
-    with pytest.raises(InputError, match=r"(?s)robot\.xml, .*(" + message + ")"):
-        load_mechanism(file)
-
-
-def test_several_joints_of_one_mjcf_body(tmp_path: Path) -> None:
-    """x and y slides of one body, and a turned one on it: three coordinates in this order."""
-    inertial = '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>'
-    (tmp_path / "robot.xml").write_text(
-        f'<mujoco><worldbody><body pos="0 0 1"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" '
-        f'axis="0 1 0"/>{inertial}<body><joint name="z" type="slide" axis="0 0 1"/>{inertial}<site name="tool"/></body>'
-        "</body></worldbody></mujoco>"
-    )
-    mechanism = load_mechanism(tmp_path / "robot.xml", guess=True)
-    assert (mechanism.joints, mechanism.mobility) == (["x", "y", "z"], 3)
-    np.testing.assert_allclose(mechanism.mass_matrix(np.zeros(3)), np.diag([4, 4, 2]))
-    np.testing.assert_allclose(mechanism.end_effector(np.array([0.1, 0.2, 0.3])), [0.1, 0.2, 1.3])
-
-
 def test_a_convention_is_one_entry_of_the_table(
     mechanisms: dict[str, Mechanism], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

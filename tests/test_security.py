@@ -102,6 +102,69 @@ def test_meshes_behind_links_are_left_out(tmp_path: Path, monkeypatch: pytest.Mo
     assert meshes.resolve("package://meshes/a.stl", package) is None
 
 
+ROBOT = '<worldbody><body><joint/><geom size="1"/></body></worldbody>'
+OUTSIDE = {  # models that name a file beside their folder, or by way of a file that is inside
+    "include": '<include file="../part.xml"/>',
+    "absolute": '<include file="{outside}/part.xml"/>',
+    "model": '<asset><model name="m" file="../part.xml"/></asset>',
+    "mesh": '<asset><mesh name="m" file="../a.stl"/></asset>',
+    "backslashes": '<asset><mesh name="m" file="..\\a.stl"/></asset>',
+    "reduced": '<asset><mesh name="m" file="nowhere/../../a.stl"/></asset>',
+    "meshdir": '<compiler meshdir="{outside}"/><asset><mesh name="m" file="a.stl"/></asset>',
+    "texturedir": '<compiler texturedir="inside/../.."/><asset><texture name="t" type="2d" file="a.png"/></asset>',
+    "texture": '<asset><texture name="t" type="cube" fileright="../a.png"/></asset>',
+    "height field": '<asset><hfield name="h" file="../a.png" size="1 1 1 1"/></asset>',
+    "skin": '<asset><skin name="s" file="../a.skn"/></asset>',
+    "link": '<asset><mesh name="m" file="link.stl"/></asset>',
+    "included": '<include file="inside/outside.xml"/>',
+    "attached": '<asset><model name="m" file="inside/outside.xml"/></asset>',
+}
+
+
+@pytest.mark.parametrize("kind", OUTSIDE)
+def test_mjcf_names_no_file_outside_its_folder(tmp_path: Path, kind: str) -> None:
+    folder = tmp_path / "robot"
+    (folder / "inside").mkdir(parents=True)
+    for name in ("part.xml", "a.stl", "a.png", "a.skn"):
+        (tmp_path / name).write_text("<mujoco/>")
+    (folder / "link.stl").symlink_to(tmp_path / "a.stl")
+    (folder / "inside" / "outside.xml").write_text(
+        '<mujoco><asset><mesh name="m" file="../../a.stl"/></asset></mujoco>'
+    )
+    (folder / "robot.xml").write_text(f"<mujoco>{OUTSIDE[kind].format(outside=tmp_path)}{ROBOT}</mujoco>")
+    with pytest.raises(InputError, match=r"xml, <\w+> file = .*: This is no file inside the model's folder"):
+        load_mechanism(folder)
+
+
+def test_mjcf_is_utf_8(tmp_path: Path) -> None:
+    """MuJoCo would find other names in it than the check does."""
+    text = f'<?xml version="1.0" encoding="UTF-16"?><mujoco>{ROBOT}</mujoco>'
+    (tmp_path / "robot.xml").write_text(text, encoding="utf-16")
+    with pytest.raises(InputError, match=r"robot\.xml, encoding = 'UTF-16': MuJoCo reads UTF-8 alone"):
+        load_mechanism(tmp_path / "robot.xml")
+
+
+MANY = {
+    "nested": f'<replicate count="1000"><replicate count="1000">{ROBOT[11:-12]}</replicate></replicate>',
+    "composite": '<body><composite type="cable" count="20000 1 1"/></body>',
+    "flexcomp": '<body name="b"><flexcomp name="f" type="grid" count="50 50 50"/></body>',
+}
+
+
+@pytest.mark.parametrize("content", [
+    *(f"<worldbody>{content}</worldbody>" for content in MANY.values()),
+    '<asset><texture name="t" type="2d" builtin="flat" width="100000" height="100000"/></asset>' + ROBOT,
+    '<asset><model name="m" file="part.xml"/></asset><worldbody><replicate count="1000"><attach model="m" body="b" '
+    'prefix="p"/></replicate></worldbody>',
+])  # fmt: skip
+def test_mjcf_does_not_multiply_itself(tmp_path: Path, content: str) -> None:
+    part = "".join(f'<body name="b{i}"><geom size="1"/></body>' for i in range(100))
+    (tmp_path / "part.xml").write_text(f'<mujoco><worldbody><body name="b">{part}</body></worldbody></mujoco>')
+    (tmp_path / "robot.xml").write_text(f"<mujoco>{content}</mujoco>")
+    with pytest.raises(InputError, match=r"robot\.xml, <\w+>: The model multiplies itself beyond"):
+        load_mechanism(tmp_path / "robot.xml")
+
+
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory: pytest.TempPathFactory) -> Solution:
     """A five-bar and a task whose names are all hostile."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,7 @@ class Source:
     in_sidecar, in_tree : the keys that each says; what a sidecar says goes before what the tree says.
     labels : the conventions that were met.
     notes : what is read in another way than it is written, or left out.
+    files : those in the tree's folder that a copy of the tree needs beside it; meshes of a URDF are not among them.
     """
 
     folder: Path
@@ -46,6 +49,7 @@ class Source:
     in_tree: tuple[str, ...]
     labels: tuple[str, ...]
     notes: tuple[str, ...]
+    files: tuple[Path, ...] = ()
 
     @property
     def name(self) -> str:
@@ -65,7 +69,7 @@ def read_source(path: Path) -> Source:
     data, labels = _yaml(sidecar) if sidecar else ({}, [])
     said = parse(Draft, data, sidecar)
     tree = path if path.is_file() and path != sidecar else _find_tree(folder, said.urdf, sidecar)
-    root, in_tree, found = _read_tree(tree)
+    root, in_tree, found, files = _read_tree(tree)
     notes = in_tree.pop("notes", ())
     from_tree = parse(Draft, in_tree, tree)
     ours, theirs = ({name: getattr(d, name) for name in d.model_fields_set} for d in (said, from_tree))
@@ -77,8 +81,11 @@ def read_source(path: Path) -> Source:
     if "actuated" in theirs.keys() - ours.keys():
         moving = tuple(name for name in draft.actuated or () if name not in draft.locked)
         draft = draft.model_copy(update={"actuated": moving or None})
+    if draft.seed is not None and "seed" in theirs.keys() - ours.keys():
+        free = {name: at for name, at in draft.seed.items() if name not in draft.locked}
+        draft = draft.model_copy(update={"seed": free})
     said_by = tuple(sorted(ours)), tuple(sorted(theirs.keys() - ours.keys()))
-    return Source(folder, tree, root, sidecar, draft, *said_by, (*labels, *found), (*notes, *held))
+    return Source(folder, tree, root, sidecar, draft, *said_by, (*labels, *found), (*notes, *held), files)
 
 
 def _together(ours: tuple[Coupling, ...], theirs: tuple[Coupling, ...]) -> tuple[Coupling, ...]:
@@ -115,7 +122,17 @@ def _yaml(file: Path) -> tuple[dict[str, Any], list[str]]:
 
 
 def _trees(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if p.suffix in TREES and p.is_file())
+    """The trees of a folder, without those that are parts of another one."""
+    found = sorted(p for p in folder.iterdir() if p.suffix in TREES and p.is_file())
+    parts = {part for tree in found for part in _parts(tree)} if len(found) > 1 else set()
+    return [tree for tree in found if tree.resolve() not in parts]
+
+
+def _parts(tree: Path) -> Sequence[Path]:
+    with suppress(InputError):  # raised where this tree is read
+        root = xml.parse(tree)
+        return [part for form in FORMATS if form.speaks(root, tree) for part in form.files(root, tree)]
+    return []
 
 
 def _find_tree(folder: Path, named: str | None, sidecar: Path | None) -> Path:
@@ -145,8 +162,8 @@ def _find_tree(folder: Path, named: str | None, sidecar: Path | None) -> Path:
     return found[0]
 
 
-def _read_tree(tree: Path) -> tuple[xml.Element, dict[str, Any], list[str]]:
-    """A tree as URDF, with what its conventions say."""
+def _read_tree(tree: Path) -> tuple[xml.Element, dict[str, Any], list[str], tuple[Path, ...]]:
+    """A tree as URDF, with what its conventions say, and the files that it needs."""
     if tree.suffix not in TREES:
         raise InputError(
             f"A mechanism is a folder, a sidecar (.yaml), or a tree ({', '.join(TREES)}).",
@@ -155,12 +172,14 @@ def _read_tree(tree: Path) -> tuple[xml.Element, dict[str, Any], list[str]]:
         )
     root = xml.parse(tree)
     said: dict[str, Any] = {}
+    files: tuple[Path, ...] = ()
     form = next((form for form in FORMATS if form.speaks(root, tree)), None)
     if form is not None:
+        files = tuple(form.files(root, tree))
         root, said = form.read(root, tree)
         if not form.MARKED:
             check(root, tree)
-            return root, said, [form.LABEL]
+            return root, said, [form.LABEL], files
     make_plain(root, tree)
     check(root, tree)
     refuse_unknown(root, tree, [name for convention in MARKS for name in convention.TAGS])
@@ -169,4 +188,4 @@ def _read_tree(tree: Path) -> tuple[xml.Element, dict[str, Any], list[str]]:
         more = convention.read(root, tree)
         labels += [convention.LABEL] if more.keys() - {"notes"} else []
         said = joined(said, more, tree)
-    return root, said, labels
+    return root, said, labels, files

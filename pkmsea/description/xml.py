@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import pinocchio as pin
 from lxml import etree
 
 from pkmsea.errors import InputError, MechanismError
@@ -96,3 +97,9 @@ def tag(element: Element) -> str:
 def text(values: Iterable[float]) -> str:
     """Numbers as an attribute, without loss."""
     return " ".join(repr(float(value)) for value in values)
+
+
+def origin(element: Element, placement: pin.SE3) -> None:
+    """Add <origin>, without loss."""
+    rpy = pin.rpy.matrixToRpy(placement.rotation)
+    etree.SubElement(element, "origin", xyz=text(placement.translation), rpy=text(rpy))

@@ -9,9 +9,11 @@ import numpy as np
 from pkmsea.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.solution.refine import Mesh
-from pkmsea.solver.optimality import Optimality, last_parameter, optimality
+from pkmsea.solver.ipopt import STAGNANT, Outcome
+from pkmsea.solver.optimality import SAVING, Optimality, last_parameter, optimality
 from pkmsea.transcription import transcribe_on
 
+UNSHARP = 0.1  # of the energy's tolerance: what a solve that ended early may leave
 SAME = 1e-9  # relative change of coefficients and stiffnesses on their way to the mesh: rounding
 
 
@@ -24,6 +26,10 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
     transcription = transcribe_on(problem, motion.basis, solved[-1].samples) if solved else None
     if transcription is None:
         return None
+    sharp = solved[-1].outcome == Outcome.OPTIMAL
+    allowed = max(
+        SAVING, STAGNANT * problem.options.stagnation, 0 if sharp else UNSHARP * problem.options.energy_tolerance
+    )
     x = transcription.transfer(motion)
     again = transcription.motion(x)
     for name in ("coefficients", "stiffness", "parallel"):
@@ -36,7 +42,7 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
             nlp = transcription.nlp(x, limited)
             p = last_parameter(nlp, x)
             J = float(nlp.oracle(x, p)[0])
-            found = optimality(nlp, x, p, problem.cost.in_objective(unit, transcription.claimed(x), J))
+            found = optimality(nlp, x, p, problem.cost.in_objective(unit, transcription.claimed(x), J), allowed)
         except (FloatingPointError, RuntimeError):  # CasADi's word for a point that cannot be evaluated
             return None
         if found.stationary or not problem.bounds:

@@ -23,7 +23,7 @@ from pkmsea.solution.local import optimality_of
 from pkmsea.solution.netcdf import Array, Dataset
 from pkmsea.solution.records import arrays_of, start_record
 from pkmsea.solution.refine import Mesh, agree
-from pkmsea.solver import Optimality, Optimum, Start, optima
+from pkmsea.solver import Optimality, Optimum, Outcome, Start, optima
 from pkmsea.transcription import TRANSCRIPTIONS
 
 FORMAT = "pkmsea result 2"
@@ -127,7 +127,8 @@ class Solution:
     def faults(self) -> tuple[str, ...]:
         """What keeps the result from being verified.
 
-        The audit's faults, meshes that do not agree, and a file that states another value than its motion has.
+        The audit's faults, meshes that do not agree, a point that is no local minimum, and a file that states another
+        value than its motion has.
         """
         try:
             audit, options = self.audit(), self.problem.options
@@ -139,6 +140,8 @@ class Solution:
         ):
             values = ["unsolved" if mesh.value is None else self.cost.show(mesh.value) for mesh in self.meshes]
             faults.append(f"no two successive meshes agree ({', '.join(values)})")
+        if not self.interrupted and (optimality := self.optimality()) is not None:
+            faults += optimality.faults
         if self.stated is not None and not abs(self.stated - audit.value) <= STATED * audit.scale:
             stated, found = (self.cost.show(value, ".6g") for value in (self.stated, audit.value))
             faults.append(f"the file states {stated}, its motion takes {found}")
@@ -150,9 +153,14 @@ class Solution:
 
     @property
     def status(self) -> str:
-        """'verified', or why not."""
-        faults = self.faults
-        return "not verified: " + "; ".join(faults) if faults else "verified"
+        """'verified', with what is undecided about it, or why not."""
+        if self.faults:
+            return "not verified: " + "; ".join(self.faults)
+        optimality = self.optimality()
+        late = any(start.outcome is Outcome.TIME for start in self.starts)
+        late |= any(mesh.outcome == Outcome.TIME.value for mesh in self.meshes)
+        remarks = optimality.remark if optimality else "", "the time limit ended part of the search" if late else ""
+        return ", but ".join(filter(None, ("verified", *remarks)))
 
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)

@@ -93,7 +93,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
     iterations: list[int] = []
     outcome, violation, seconds, evaluation = Outcome.FAILED, np.inf, 0.0, 0.0
     for step in range(nlp.steps) if steps is None else steps:
-        left = options.time_limit - (time.perf_counter() - begin)
+        left = (options.time_limit or np.inf) - (time.perf_counter() - begin)
         if left <= 0:
             outcome = Outcome.TIME
             break
@@ -142,7 +142,6 @@ class _Solvers:
 def _solver(nlp: ScaledNlp, options: Options, seconds: float, warm: bool, change: float) -> ca.Function:
     ipopt = {
         "max_iter": options.iterations,
-        "max_wall_time": seconds,
         "tol": options.tolerance,
         "acceptable_tol": options.tolerance * 10,
         "acceptable_iter": 10,
@@ -152,6 +151,8 @@ def _solver(nlp: ScaledNlp, options: Options, seconds: float, warm: bool, change
         "bound_relax_factor": 0.0,
         "honor_original_bounds": "yes",
     }
+    if np.isfinite(seconds):
+        ipopt["max_wall_time"] = seconds
     if warm:
         ipopt |= WARM
     if change:  # IPOPT divides changes by max(1, |f|)

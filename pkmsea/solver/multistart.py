@@ -17,6 +17,7 @@ SCREENING, SHARPENING, LAST = slice(0, 2), slice(2, None), slice(-1, None)  # of
 CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that need more end badly
 FINISHED = 4  # starts at least that go on
 AGREEING = 8  # starts that find one optimum between them are enough
+LEAST = 1e-3  # [s] that a time limit leaves a solve
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
 Progress = Callable[["Start"], None]
@@ -86,8 +87,9 @@ def improve(
     """
     begin = time.perf_counter() if begin is None else begin
     options, iterations = transcription.problem.options, 0
-    left = max(options.time_limit - (time.perf_counter() - begin), 0.0)
-    options = options.model_copy(update={"time_limit": left})
+    if options.time_limit is not None:
+        left = options.time_limit - (time.perf_counter() - begin)
+        options = options.model_copy(update={"time_limit": max(left, LEAST)})
     if not warm and transcription.quick:
         options = options.model_copy(update={"iterations": min(options.iterations, CUT_OFF)})
     while True:

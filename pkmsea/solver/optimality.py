@@ -52,6 +52,7 @@ class Optimality:
     kind : 'minimum'; 'saddle' where there are negative directions; 'undecided' where the curvature is zero within
         rounding, or where only constraints without a multiplier block the negative directions.
     unit : what differences of the objective are relative to, in the cost's unit.
+    allowed : the saving that is as good as none.
     """
 
     stationarity: float
@@ -62,6 +63,7 @@ class Optimality:
     negative: int
     kind: str
     unit: float
+    allowed: float = SAVING
 
     def __repr__(self) -> str:
         return f"<Optimality: {self.kind}, KKT residual {self.error:.1e}, a Newton step saves {self.saving:.1e}>"
@@ -76,9 +78,9 @@ class Optimality:
         """Whether the point satisfies the first-order conditions within STATIONARY, or misses them by rounding only.
 
         Where the problem is stiff, rounding of x leaves a large gradient; what it can save (which does not depend on
-        scales) is then at most SAVING.
+        scales) is then at most `allowed`.
         """
-        return self.error <= STATIONARY or self.saving <= SAVING
+        return self.error <= STATIONARY or self.saving <= self.allowed
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -88,6 +90,13 @@ class Optimality:
         if self.kind == "saddle":
             return (f"the motion is a saddle point: the cost falls along {self.negative} directions",)
         return ()
+
+    @property
+    def remark(self) -> str:
+        """What stays open about a result that is verified; empty for a minimum."""
+        if self.error > STATIONARY and self.saving > SAVING:
+            return f"a Newton step would still save {self.saving:.0e} of it"
+        return "whether it is a minimum is undecided" if self.kind == "undecided" else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +119,25 @@ class Sides:
     equation: np.ndarray
 
 
-def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Optimality:
+def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0, allowed: float = SAVING) -> Optimality:
     """The conditions at x (physical units) for the parameter p of a step; see `Optimality`.
 
-    `unit` is what differences of the objective are relative to.
+    `unit` is what differences of the objective are relative to; `allowed` is the `saving` up to which a point counts as
+    stationary.
     """
+    return _examine(nlp, x, p, unit, allowed)[0]
+
+
+def descent(nlp: Nlp, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Where x is a saddle: the unit direction, in variables over their scales, along which the cost falls most to
+    second order, and its curvature w < 0; else None."""
+    found, direction = _examine(nlp, x, p, 1.0, SAVING)
+    return None if direction is None or found.curvature is None else (direction, found.curvature)
+
+
+def _examine(
+    nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float, allowed: float
+) -> tuple[Optimality, np.ndarray | None]:
     problem = scaled(nlp)
     z, functions = x / problem.scale, _derivatives(problem)
     violation, sides = _sides(nlp, problem, z, p, functions)
@@ -124,15 +147,15 @@ def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Opt
     on_g = np.bincount(sides.constraint, sides.sign * multipliers, nlp.g_lower.size + x.size)[: nlp.g_lower.size]
     hessian = np.array(ca.triu2symm(ca.DM(functions["hess_lag"](z, p, 1.0, on_g * unit)))) / unit
     strong = sides.equation | (multipliers > STRONG * multipliers.max(initial=0.0))
-    values, saving, zero = _reduced(hessian, residual, sides.normals[strong])
-    negative, kind = int((values < -zero).sum()), "minimum"
+    values, saving, zero, _ = _reduced(hessian, residual, sides.normals[strong])
+    negative, kind, direction = int((values < -zero).sum()), "minimum", None
     if negative:
-        blocked = _reduced(hessian, residual, sides.normals[strong | sides.active])[0]
+        blocked, _, _, direction = _reduced(hessian, residual, sides.normals[strong | sides.active])
         negative = int((blocked < -zero).sum())
         kind = "saddle" if negative else "undecided"
     elif np.any(values <= zero):
         kind = "undecided"
-    return Optimality(
+    found = Optimality(
         stationarity=float(np.abs(residual).max()) / mean,
         infeasibility=violation,
         complementarity=float(np.abs(multipliers * sides.slack).max(initial=0.0)) / mean,
@@ -141,7 +164,9 @@ def optimality(nlp: Nlp, x: np.ndarray, p: np.ndarray, unit: float = 1.0) -> Opt
         negative=negative,
         kind=kind,
         unit=unit,
+        allowed=allowed,
     )
+    return found, direction if kind == "saddle" else None
 
 
 def last_parameter(nlp: Nlp, x: np.ndarray) -> np.ndarray:
@@ -220,8 +245,11 @@ def _sides(
     return excess(values, lower, upper), Sides(rows, slacks, signs, constraint, active, equation)
 
 
-def _reduced(hessian: np.ndarray, residual: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """On the null space of the normals: eigenvalues of the Hessian, what a Newton step saves, and rounding."""
+def _reduced(
+    hessian: np.ndarray, residual: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, float, float, np.ndarray | None]:
+    """On the null space of the normals: eigenvalues of the Hessian, what a Newton step saves, rounding, and the
+    direction of the smallest eigenvalue where that is not positive."""
     if normals.size:
         Q, R, _ = qr(normals.T, pivoting=True)
         diagonal = np.abs(np.diag(R))
@@ -230,10 +258,11 @@ def _reduced(hessian: np.ndarray, residual: np.ndarray, normals: np.ndarray) -> 
         Z = np.eye(hessian.shape[0])
     zero = hessian.shape[0] * np.finfo(float).eps * max(float(np.abs(hessian).max()), np.finfo(float).eps)
     if not Z.shape[1]:
-        return np.zeros(0), 0.0, zero
+        return np.zeros(0), 0.0, zero, None
     along, curved = Z.T @ residual, Z.T @ hessian @ Z
     values = eigvalsh(curved)
     if values[0] > zero:
-        return values, float(along @ solve(curved, along, assume_a="pos") / 2), zero
+        return values, float(along @ solve(curved, along, assume_a="pos") / 2), zero, None
     values, vectors = eigh(curved)
-    return values, float(((vectors.T @ along) ** 2 / np.maximum(np.abs(values), zero)).sum() / 2), zero
+    saving = float(((vectors.T @ along) ** 2 / np.maximum(np.abs(values), zero)).sum() / 2)
+    return values, saving, zero, Z @ vectors[:, 0]

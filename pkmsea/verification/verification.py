@@ -89,8 +89,10 @@ class Verification:
 
     @property
     def status(self) -> str:
-        """'verified', or why not."""
-        return "not verified: " + "; ".join(self.faults) if self.faults else "verified"
+        """'verified', with what is undecided about it, or why not."""
+        if self.faults:
+            return "not verified: " + "; ".join(self.faults)
+        return ", but ".join(filter(None, ("verified", self.optimality.remark if self.optimality else "")))
 
     def __repr__(self) -> str:
         said, simulated = self.cost.show(self.value), self.cost.show(self.simulated)
@@ -201,5 +203,4 @@ def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:
     told = {"unit": said.problem.cost.unit, "r_E": said.problem.mechanism.end_effector_unit, **found}
     faults = [text.format(**told) for kept, text in checks if not kept]
     faults += [f"by the result's own audit, {fault}" for fault in said.solution.faults]
-    optimality = found["optimality"]
-    return *faults, *(optimality.faults if optimality else ())
+    return tuple(faults)

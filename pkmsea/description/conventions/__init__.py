@@ -3,7 +3,7 @@
 A convention is one module, which reads it into the keys of our own mechanism.yaml, and one entry here:
 
 BESIDE    YAML files beside the tree     gepetto        robot.yaml of example-parallel-robots
-FORMATS   files of links and joints      mjcf           MuJoCo's files
+FORMATS   files of links and joints      mjcf           compiled by MuJoCo
           other than URDF                xacro          expanded first
 MARKS     marks in a URDF                urdfplus       <loop> and independent= of a URDF+
                                          constraint     <constraint> as proposed for urdfdom in 2026
@@ -20,6 +20,7 @@ couplings of several marks come together.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -50,13 +51,15 @@ class Beside(Protocol):
 
 
 class Format(Protocol):
-    """A format of files of links and joints; `read` returns the tree as URDF, and sidecar keys."""
+    """A format of files of links and joints; `read` returns the tree as URDF, and sidecar keys, `files` the other files
+    that a copy of the tree needs beside it."""
 
     SUFFIXES: tuple[str, ...]
     LABEL: str
     MARKED: bool  # whether the URDF that it becomes may carry marks
 
     def speaks(self, root: Element, file: Path) -> bool: ...
+    def files(self, root: Element, file: Path) -> Sequence[Path]: ...
     def read(self, root: Element, file: Path) -> tuple[Element, dict[str, Any]]: ...
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,11 @@ def speaks(root: Element, file: Path) -> bool:
     return file.suffix in SUFFIXES or any(
         isinstance(e.tag, str) and e.tag.startswith("{") and "xacro" in e.tag for e in root.iter()
     )
+
+
+def files(root: Element, file: Path) -> Sequence[Path]:
+    """None: a copy is expanded."""
+    return ()
 
 
 def read(root: Element, file: Path) -> tuple[Element, dict[str, Any]]:
