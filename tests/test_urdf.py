@@ -241,7 +241,7 @@ def test_quaternions_survive_locking(tmp_path: Path, version: str) -> None:
     mechanism = load_mechanism(edited(tmp_path / "robot", turned, ('name="arm"', f'name="arm"{version}'), keys=keys))
     expected = pin.crba(reduced, reduced.createData(), np.array([0.2]))
     np.testing.assert_allclose(mechanism.mass_matrix(np.array([0.2])), expected, rtol=EQUAL)
-    assert "quat_xyzw" not in sticks.drawn(mechanism)
+    assert "quat_xyzw" not in sticks.drawn(mechanism, tmp_path)
 
 
 @pytest.mark.parametrize(
