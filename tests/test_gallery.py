@@ -53,7 +53,7 @@ def test_script(tmp_path: Path) -> None:
     """Picture and table of one entry."""
     arguments = ["--starts", "1", "--only", "elastic_arm", "-o", str(tmp_path)]
     command = [sys.executable, str(GALLERY / "gallery.py"), *arguments]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert "SEA 6" in (tmp_path / "gallery.md").read_text() and (tmp_path / "gallery.png").stat().st_size > 0
 

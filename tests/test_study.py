@@ -7,9 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -96,17 +94,23 @@ def test_no_cluster_at_the_address(folder: Path, monkeypatch: pytest.MonkeyPatch
         run_study(folder / "study.yaml", folder / "nowhere", scheduler="tcp://127.0.0.1:9")
 
 
+STOPPED = """
+import os, sys, threading
+from pkmsea.study import run_study
+
+def stop(progress):
+    if progress.done == 4:
+        threading.Timer(0.02, os.kill, (os.getpid(), int(sys.argv[3]))).start()
+
+run_study(sys.argv[1], sys.argv[2], workers=1, progress=stop)
+"""
+
+
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 def test_a_stopped_study_goes_on(folder: Path, undisturbed: pd.DataFrame, how: signal.Signals) -> None:
     """Stopped after some of its points, and run again: the same table; nothing is solved twice."""
     out = folder / how.name
-    program = f"from pkmsea.study import run_study; run_study({str(folder / 'study.yaml')!r}, {str(out)!r}, workers=1)"
-    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell lets its background jobs ignore it
-    process = subprocess.Popen([sys.executable, "-c", program], cwd=folder, preexec_fn=heed)
-    while _rows(out) < 4 and process.poll() is None:
-        time.sleep(0.02)
-    process.send_signal(how)
-    process.wait(timeout=30)
+    subprocess.run([sys.executable, "-c", STOPPED, "study.yaml", out, str(int(how))], cwd=folder, check=False)
     before = _rows(out)
     assert 4 <= before < 18
     solved: list[int] = []
