@@ -100,6 +100,7 @@ def benchmark_cases(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, 
     return cases
 
 
+@pytest.mark.long
 def test_benchmark(benchmark_cases: list[dict[str, Any]]) -> None:
     """Ours is optimal and true on the default grid; the times add up; memory is that of a process with CasADi."""
     case, *_ = (case for case in benchmark_cases if case["group"] == "setups")
@@ -112,6 +113,7 @@ def test_benchmark(benchmark_cases: list[dict[str, Any]]) -> None:
     assert warm["iterations"] < cold["iterations"]
 
 
+@pytest.mark.long
 def test_benchmark_baseline(benchmark_cases: list[dict[str, Any]]) -> None:
     """The rockit models are the audit's, or the benchmark says what to install."""
     results = [case["result"] for case in benchmark_cases if case["kind"] == "rockit"]
