@@ -24,7 +24,7 @@ def by_setup(rows: list[Row]) -> dict[str, Row]:
 
 
 def test_table_1() -> None:
-    rows = by_setup(list(reproduce([1], starts=4, workers=1)))
+    rows = by_setup(list(reproduce([1], workers=1)))
     assert all(row.solution.verified for row in rows.values())
     assert rows["FA-RD"].solution.energy == pytest.approx(4.07, rel=0.005)
     assert rows["FA-SEA"].solution.energy == pytest.approx(2.776, rel=0.01)
