@@ -1,5 +1,8 @@
 """The bridge's Functions equal Pinocchio's own doubles, on random trees of revolute and prismatic joints."""
 
+import threading
+
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -67,3 +70,20 @@ def test_compiled_for_another_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bridge._bridge, "casadi_version", "3.6.0")
     with pytest.raises(BridgeError, match=r"compiled for casadi 3\.6\.0.*pip install casadi==3\.6\.0"):
         importlib.reload(bridge)
+
+
+def test_warnings_are_muted_in_one_thread(capfd: pytest.CaptureFixture[str]) -> None:
+    """IPOPT meets the logarithm of a negative number, in a thread that is muted and in one that is not."""
+    x = ca.SX.sym("x")
+    quiet = {"ipopt": {"print_level": 0, "sb": "yes"}, "print_time": False, "error_on_fail": False}
+    solver = ca.nlpsol("solver", "ipopt", {"x": x, "f": -x + ca.log(1 - x) * x}, quiet)
+    bridge._bridge.mute(True)
+    try:
+        solver(x0=0.9)
+        assert "".join(capfd.readouterr()) == ""
+        other = threading.Thread(target=solver, kwargs={"x0": 0.9})
+        other.start()
+        other.join()
+        assert "NaN detected" in capfd.readouterr().err
+    finally:
+        bridge._bridge.mute(False)
