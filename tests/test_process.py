@@ -85,7 +85,7 @@ def pkmsea(folder: Path, streams: str, *program: str) -> subprocess.CompletedPro
     """Run in a shell, with redirections of the standard streams."""
     (folder / "slider.yaml").write_text(yaml.safe_dump(SLIDER))
     command = ["bash", "-c", f'"$@" {streams}', "bash", sys.executable, *program]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, env=environment())
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, env=environment())
 
 
 def environment() -> dict[str, str]:

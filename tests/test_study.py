@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 import yaml
 from test_cli import expect
-from test_cli import run as pkmsea_command
+from test_cli import run as run_command
 from test_process import in_threads
 
 from pkmsea.description import find
@@ -320,9 +320,9 @@ def test_command(tmp_path: Path) -> None:
         "best/all_rigid.nc",
         "best/all_elastic.nc",
     }
-    assert pkmsea_command(*command[1:]).stdout == first.stdout
+    assert run_command(*command[1:]).stdout == first.stdout
     write(tmp_path / "files", study | {"vary": {"cycle.period": {"values": [float("nan")]}}})
-    expect(pkmsea_command(*command[1:]), 2, "study.yaml, vary.cycle.period.values.0")
+    expect(run_command(*command[1:]), 2, "study.yaml, vary.cycle.period.values.0")
 
 
 @pytest.fixture
