@@ -1,6 +1,10 @@
 """The bridge's Functions equal Pinocchio's own doubles, on random trees of revolute and prismatic joints."""
 
+import shutil
+import subprocess
+import sys
 import threading
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -87,3 +91,13 @@ def test_warnings_are_muted_in_one_thread(capfd: pytest.CaptureFixture[str]) -> 
         assert "NaN detected" in capfd.readouterr().err
     finally:
         bridge._bridge.mute(False)
+
+
+def test_sources_without_the_compiled_module_use_the_installed_one(tmp_path: Path) -> None:
+    """As in a checkout, whose sources hide the installed package: they run, and not the installed ones."""
+    sources = shutil.copytree(
+        Path(bridge.__file__).parents[1], tmp_path / "pkmsea", ignore=shutil.ignore_patterns("_bridge.*", "__pycache__")
+    )
+    lines = "import pkmsea; print(pkmsea.__file__, pkmsea.load_mechanism('pkm_2rrr').mobility)"
+    ended = subprocess.run([sys.executable, "-c", lines], cwd=tmp_path, capture_output=True, text=True)
+    assert ended.stdout.split() == [str(sources / "__init__.py"), "2"], ended.stderr

@@ -38,7 +38,7 @@ def test_entry(entry: str) -> None:
     """Rigid, then springs in series, then other springs, each of which beats those in series."""
     mobility, most = ENTRIES[entry]
     rigid, series, *others = solve_all(load_task(GALLERY / entry / "task.yaml").with_starts(1), workers=1)
-    assert [s.status for s in (rigid, series, *others)] == ["verified"] * (2 + len(others))
+    assert all(s.verified for s in (rigid, series, *others)), [s.status for s in (rigid, series, *others)]
     assert rigid.problem.actuation.mechanism.mobility == mobility
     assert series.energy < most * rigid.energy
     assert all(other.energy < series.energy for other in others)
