@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from pkmsea.errors import PkmseaError, one_line
 
 FORMATS = (".stl", ".dae", ".obj")
 GREY = "0.7 0.7 0.7 1"
+KEPT = 32  # files whose surfaces are kept: reading a mechanism, drawing it and looking for changes each ask for them
 COLORED = ".dae"  # the others have no colours, or have them in another file
 
 
@@ -38,13 +40,19 @@ class Surface:
         return Surface(self.vertices * scale, self.triangles, self.color)
 
 
-def read_surfaces(file: Path) -> list[Surface]:
-    """The surfaces of a mesh file, where it says its unit in metres.
+def read_surfaces(file: Path) -> tuple[Surface, ...]:
+    """The surfaces of a mesh file, where it says its unit in metres; read again only if the file has changed.
 
     Raises
     ------
     ValueError : it is damaged, or shows nothing.
     """
+    stat = file.stat()
+    return _read(file, stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=KEPT)
+def _read(file: Path, changed: int, size: int) -> tuple[Surface, ...]:
     kind = file.suffix.lower()
     try:
         content = file.read_bytes()
@@ -62,7 +70,7 @@ def read_surfaces(file: Path) -> list[Surface]:
         raise ValueError("it shows nothing")
     if not all(np.isfinite(part.vertices).all() for part in found):
         raise ValueError("it has vertices that are no numbers")
-    return found
+    return tuple(found)
 
 
 def _without_images(content: bytes, file: Path) -> bytes:

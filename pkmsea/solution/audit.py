@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,8 +62,16 @@ class Audit:
         return not self.faults
 
     def __repr__(self) -> str:
-        status = f"not verified: {'; '.join(self.faults)}" if self.faults else "verified"
-        return one_line(f"<Audit: {self.cost.show(self.value)}, claimed {self.cost.show(self.claimed)}, {status}>")
+        return one_line(
+            f"<Audit: {self.cost.show(self.value)}, claimed {self.cost.show(self.claimed)}, {status_of(self.faults)}>"
+        )
+
+
+def status_of(faults: Sequence[str], *remarks: str) -> str:
+    """'verified', with what is undecided about it, or why not."""
+    if faults:
+        return "not verified: " + "; ".join(faults)
+    return ", but ".join(filter(None, ("verified", *remarks)))
 
 
 def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Series]:

@@ -18,7 +18,7 @@ from pkmsea.motion import Motion
 from pkmsea.motion.series import Series
 from pkmsea.problem import Cost, Problem, task_of
 from pkmsea.solution import netcdf
-from pkmsea.solution.audit import Audit, audit
+from pkmsea.solution.audit import Audit, audit, status_of
 from pkmsea.solution.local import optimality_of
 from pkmsea.solution.netcdf import Array, Dataset
 from pkmsea.solution.records import arrays_of, start_record
@@ -154,13 +154,11 @@ class Solution:
     @property
     def status(self) -> str:
         """'verified', with what is undecided about it, or why not."""
-        if self.faults:
-            return "not verified: " + "; ".join(self.faults)
-        optimality = self.optimality()
+        optimality = None if self.faults else self.optimality()
         late = any(start.outcome is Outcome.TIME for start in self.starts)
         late |= any(mesh.outcome == Outcome.TIME.value for mesh in self.meshes)
-        remarks = optimality.remark if optimality else "", "the time limit ended part of the search" if late else ""
-        return ", but ".join(filter(None, ("verified", *remarks)))
+        undecided = optimality.remark if optimality else ""
+        return status_of(self.faults, undecided, "the time limit ended part of the search" if late else "")
 
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)

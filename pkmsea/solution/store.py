@@ -71,7 +71,7 @@ def load(path: str | Path) -> Solution:
     file = Path(path)
     dataset = read_dataset(file)
     record = dataset.attrs
-    try:
+    with damaged(file):
         task = Task.model_validate_json(record["task"])
         with blaming(file):
             problem = build_problem(task, record["setup"], mechanism=_mechanism(record["mechanism"]))
@@ -83,6 +83,13 @@ def load(path: str | Path) -> Solution:
         found = TypeAdapter(tuple[Mesh, ...]).validate_json(record["meshes"])
         claimed, seconds, stated = (_finite(record[key], key) for key in ("claimed", "seconds", problem.cost.name))
         return Solution(problem, motion, claimed, starts, found, seconds, stated=stated, file=file)
+
+
+@contextmanager
+def damaged(file: Path | None) -> Iterator[None]:
+    """Where what a result file lacks or holds amiss raises InputError."""
+    try:
+        yield
     except (KeyError, ValueError, TypeError, RecursionError) as error:
         cause = " ".join(str(error).split())
         raise InputError(f"The result file is damaged ({cause}).", "Solve the task again.", file=file) from error
@@ -96,7 +103,8 @@ def _mechanism(text: str) -> Mechanism:
 
 def changed(path: Path) -> str:
     """What to say where the mechanism's own files describe another one now than the result file does, else nothing."""
-    description = load(path).problem.mechanism.description
+    with damaged(path), blaming(path):
+        description = CompleteDescription.model_validate_json(read_dataset(path).attrs["mechanism"])
     source = description.origin.sidecar or description.origin.tree
     if not is_file(source):
         return ""

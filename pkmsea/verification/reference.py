@@ -14,7 +14,7 @@ from pkmsea.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.solution import Solution
 from pkmsea.solution.netcdf import Dataset
-from pkmsea.solution.store import load, read_dataset
+from pkmsea.solution.store import damaged, load, read_dataset
 from pkmsea.verification.drives import Drives
 
 DEGREE = 5  # of the periodic splines through the samples
@@ -108,12 +108,10 @@ def _of_dataset(dataset: Dataset, solution: Solution, file: Path | None) -> Refe
     n, m, axes = actuation.mechanism.model.nq, actuation.m, actuation.mechanism.mobility
     widths = {"r_E": axes, "q": n, "v": n, "power": 0, "energy": 0}
     key = problem.cost.name
-    try:
+    with damaged(file):
         t = dataset.numbers("time")
         series = {name: dataset.numbers(name) for name in SERIES}
         value = float(dataset.attrs[key])
-    except (KeyError, ValueError, TypeError) as error:
-        raise InputError(f"The result file is damaged ({error}).", "Solve the task again.", file=file) from error
     uniform = np.arange(t.size) * problem.cycle.period / max(t.size, 1)
     if t.size < 2 * DEGREE + 2 or t.size % 2 or not np.allclose(t, uniform, rtol=0, atol=1e-9 * problem.cycle.period):
         raise InputError(

@@ -14,7 +14,7 @@ from pkmsea.errors import one_line
 from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Cost
 from pkmsea.solution import Solution
-from pkmsea.solution.audit import IDLE
+from pkmsea.solution.audit import IDLE, status_of
 from pkmsea.solver import Optimality
 from pkmsea.verification.dynamics import Robot
 from pkmsea.verification.observe import Observed, observe
@@ -90,9 +90,7 @@ class Verification:
     @property
     def status(self) -> str:
         """'verified', with what is undecided about it, or why not."""
-        if self.faults:
-            return "not verified: " + "; ".join(self.faults)
-        return ", but ".join(filter(None, ("verified", self.optimality.remark if self.optimality else "")))
+        return status_of(self.faults, self.optimality.remark if self.optimality else "")
 
     def __repr__(self) -> str:
         said, simulated = self.cost.show(self.value), self.cost.show(self.simulated)

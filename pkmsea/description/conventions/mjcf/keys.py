@@ -8,6 +8,7 @@ import mujoco
 import pinocchio as pin
 from mujoco import mjtDisableBit, mjtEq, mjtObj
 
+from pkmsea.description.conventions.keys import at
 from pkmsea.description.conventions.mjcf.active import actuators, disabled, equalities
 from pkmsea.description.conventions.mjcf.compiled import pose
 from pkmsea.description.conventions.mjcf.names import Names, name_of
@@ -43,8 +44,7 @@ def _closures(model: mujoco.MjModel, names: Names) -> dict[str, Any]:
         else:
             pair = [names.frame(f"{label}_{side}") for side in (1, 2)]
             for frame, body, placement in zip(pair, ends, _anchors(model, i), strict=True):
-                xyz, rpy = placement.translation.tolist(), pin.rpy.matrixToRpy(placement.rotation).tolist()
-                frames[frame] = {"link": names.bodies[body], "xyz": tuple(xyz), "rpy": tuple(rpy)}
+                frames[frame] = at(names.bodies[body], placement)
         welded = model.eq_type[i] == mjtEq.mjEQ_WELD and model.eq_data[i, TORQUESCALE]
         closures.append({"name": label, "frames": tuple(pair), "type": "frame" if welded else "point"})
     return {"frames": frames, "closures": closures}
