@@ -78,55 +78,74 @@ class Conditioning:
     def joints(self) -> list[str]:
         return list(self.model.names)[1:]
 
+    def of_point(self, q: np.ndarray, frame: str, axes: Sequence[int]) -> np.ndarray:
+        """Of the velocity of a frame's origin along world axes, at poses q (k, n): (k,)."""
+        return self.least(self.loops(q), self.point(q, frame, axes))
+
+    def of_joints(self, q: np.ndarray, joints: Sequence[int]) -> np.ndarray:
+        """Of the rates of some joints, at poses q (k, n): (k,)."""
+        return self.least(self.loops(q), self.rates(joints))
+
+    def point(self, q: np.ndarray, frame: str, axes: Sequence[int]) -> np.ndarray:
+        """R of the velocity of a frame's origin along world axes, (k, axes, n)."""
+        return self._at(q, [frame])[0][:, 0, list(axes)] / self.length
+
+    def rates(self, joints: Sequence[int]) -> np.ndarray:
+        """R of the rates of some joints, (joints, n)."""
+        return np.eye(self.model.nq)[list(joints)]
+
+    def least(self, K: np.ndarray, R: np.ndarray) -> np.ndarray:
+        """The measure from K (k, rows, n + c) and R ([k,] rates, n): (k,)."""
+        count, rows, columns = K.shape
+        if rows + R.shape[-2] < columns:
+            return np.zeros(count)
+        matrix = np.zeros((count, rows + R.shape[-2], columns))
+        matrix[:, :rows], matrix[:, rows:, : R.shape[-1]] = K / OPENING, R
+        return np.minimum(np.linalg.svd(matrix, compute_uv=False)[:, -1], 1.0)
+
     def loops(self, q: np.ndarray) -> np.ndarray:
-        """K(q), (rows, n + c), dependent rows included."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-        parts = [self._closure(closure) for closure in self.description.closures]
-        free = [part.shape[1] for _, part in parts]
-        rows = [np.hstack([J, *self._beside(free, k, turns)]) for k, (J, turns) in enumerate(parts)]
-        coupled = np.zeros((len(self.description.couplings), self.model.nq + sum(free)))
-        for row, coupling in zip(coupled, self.description.couplings, strict=True):
+        """K at poses q (k, n), (k, rows, n + c), dependent rows included."""
+        names = [name for closure in self.description.closures for name in closure.frames]
+        J, R = self._at(q, names)
+        parts = [
+            self._closure(closure, J[:, 2 * i + 1] - J[:, 2 * i], R[:, 2 * i])
+            for i, closure in enumerate(self.description.closures)
+        ]
+        free = np.cumsum([self.model.nq, *(turns.shape[-1] for _, turns in parts)])
+        K = np.zeros((len(q), 6 * len(parts) + len(self.description.couplings), free[-1]))
+        for i, (on_joints, turns) in enumerate(parts):
+            rows = slice(6 * i, 6 * i + 6)
+            K[:, rows, : self.model.nq], K[:, rows, free[i] : free[i + 1]] = on_joints, turns
+        for row, coupling in enumerate(self.description.couplings, 6 * len(parts)):
             i, j = (self.joints.index(name) for name in (coupling.joint, coupling.of))
-            row[i], row[j] = self.units[i], -coupling.ratio * self.units[j]
-            row /= np.linalg.norm(row)
-        return np.vstack([*rows, coupled])
+            pair = np.array([self.units[i], -coupling.ratio * self.units[j]])
+            K[:, row, [i, j]] = pair / np.linalg.norm(pair)
+        return K
 
-    def of_point(self, q: np.ndarray, frame: str, axes: Sequence[int]) -> float:
-        """Of the velocity of a frame's origin along world axes."""
-        K = self.loops(q)
-        return self._least(K, self._jacobian(frame)[list(axes)] / self.length)
+    def _at(self, q: np.ndarray, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities of frames for unitless rates (k, frames, 6, n), and their orientations (k, frames, 3, 3)."""
+        frames = [frame_id(self.model, name) for name in names]
+        J = np.zeros((len(q), len(frames), 6, self.model.nq))
+        R = np.zeros((len(q), len(frames), 3, 3))
+        for k, pose in enumerate(q if frames else ()):
+            pin.computeJointJacobians(self.model, self.data, pose)
+            pin.updateFramePlacements(self.model, self.data)
+            for f, frame in enumerate(frames):
+                J[k, f] = pin.getFrameJacobian(self.model, self.data, frame, WORLD).reshape(6, -1)
+                R[k, f] = self.data.oMf[frame].rotation
+        return J * self.units, R
 
-    def of_joints(self, q: np.ndarray, joints: Sequence[int]) -> float:
-        """Of the rates of some joints."""
-        return self._least(self.loops(q), np.eye(self.model.nq)[list(joints)])
-
-    def _least(self, K: np.ndarray, R: np.ndarray) -> float:
-        wide = np.hstack([R, np.zeros((len(R), K.shape[1] - R.shape[1]))])
-        matrix = np.vstack([K / OPENING, wide])
-        if len(matrix) < matrix.shape[1]:
-            return 0.0
-        return min(float(np.linalg.svd(matrix, compute_uv=False)[-1]), 1.0)
-
-    def _jacobian(self, frame: str) -> np.ndarray:
-        """Velocities of a frame for unitless rates, (6, n), at the pose of `data`."""
-        J = pin.getFrameJacobian(self.model, self.data, frame_id(self.model, frame), WORLD)
-        return J.reshape(6, -1) * self.units
-
-    def _closure(self, closure: Closure) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of the joints, and of the turns that are left free at the opening."""
-        first, second = closure.frames
-        J = self._jacobian(second) - self._jacobian(first)
-        J[:3] /= self.length
-        R1 = self.data.oMf[frame_id(self.model, first)].rotation
-        axis = R1 @ np.asarray(closure.axis) / np.linalg.norm(closure.axis)
-        free = {"point": np.eye(3), "revolute": axis[:, None], "frame": np.zeros((3, 0))}[closure.type]
+    def _closure(self, closure: Closure, J: np.ndarray, R1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the joints (k, 6, n), and of the turns that are left free at the opening (k, 6, turns)."""
+        J[:, :3] /= self.length
+        axis = R1 @ (np.asarray(closure.axis) / np.linalg.norm(closure.axis))
+        free = {
+            "point": np.broadcast_to(np.eye(3), (len(J), 3, 3)),
+            "revolute": axis[:, :, None],
+            "frame": np.zeros((len(J), 3, 0)),
+        }[closure.type]
         if self.description.plane is not None:
             normal = np.asarray(self.description.plane.normal)[:, None] / np.linalg.norm(self.description.plane.normal)
-            J[:3] -= normal @ (normal.T @ J[:3])
-            free = free[:, :0] if closure.type == "frame" else normal
-        return J, np.vstack([np.zeros_like(free), -free])
-
-    @staticmethod
-    def _beside(free: list[int], k: int, turns: np.ndarray) -> list[np.ndarray]:
-        return [turns if j == k else np.zeros((len(turns), count)) for j, count in enumerate(free)]
+            J[:, :3] -= normal @ (normal.T @ J[:, :3])
+            free = free[..., :0] if closure.type == "frame" else np.broadcast_to(normal, (len(J), 3, 1))
+        return J, np.concatenate([np.zeros_like(free), -free], axis=1)

@@ -43,7 +43,7 @@ class Loops:
 
     def conditioning(self, joints: Sequence[int]) -> float:
         """How well `joints` determine the motion, 0 to 1: median over the poses, see `Conditioning`."""
-        return float(np.median([self.measure.of_joints(q, joints) for q in self.poses]))
+        return float(np.median(self.measure.of_joints(self.poses, joints)))
 
     def choose(self, among: Sequence[int]) -> list[int]:
         """delta joints out of `among` that determine the motion best; fewer where they cannot."""

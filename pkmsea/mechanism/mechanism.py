@@ -63,7 +63,8 @@ class Mechanism(ClosedTree):
     @cached_property
     def conditioning(self) -> float:
         """The least that the independent coordinates move at the seed, 0 (useless) to 1."""
-        return Conditioning(self.model, self.description, self.length).of_joints(self.seed, self.independent)
+        measure = Conditioning(self.model, self.description, self.length)
+        return measure.of_joints(self.seed[None], self.independent).item()
 
 
 _known: WeakValueDictionary[bytes, Mechanism] = WeakValueDictionary()  # by pickled content

@@ -175,5 +175,6 @@ def singularity(mechanism: ClosedTree, q: np.ndarray) -> tuple[np.ndarray, np.nd
     follower = mechanism.description.end_effector
     followed = [mechanism.joints.index(name) for name in follower.joints]
     axes = ["xyz".index(axis) for axis in follower.axes]
-    inverse = [measure.of_joints(x, followed) if followed else measure.of_point(x, follower.frame, axes) for x in q]
-    return np.array(inverse), np.array([measure.of_joints(x, mechanism.actuated) for x in q])
+    followed_rates = measure.rates(followed) if followed else measure.point(q, follower.frame, axes)
+    K = measure.loops(q)
+    return measure.least(K, followed_rates), measure.least(K, measure.rates(mechanism.actuated))

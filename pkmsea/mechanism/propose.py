@@ -142,13 +142,13 @@ def _ranked(
     declared = description.end_effector
     if declared and declared.joints:
         joints = [measure.joints.index(name) for name in declared.joints]
-        return [(measure.of_joints(q, joints), declared)] if len(joints) == mobility else []
+        return [(measure.of_joints(q[None], joints).item(), declared)] if len(joints) == mobility else []
     if mobility > len(AXES) or (declared and len(declared.axes) != mobility):
         return []
     ranked = []
     for name in followers(description, measure.model):
         choices = [declared.axes] if declared else list(combinations(AXES, mobility))
-        values = {axes: measure.of_point(q, name, [AXES.index(axis) for axis in axes]) for axes in choices}
+        values = {axes: measure.of_point(q[None], name, [AXES.index(axis) for axis in axes]).item() for axes in choices}
         axes = max(values, key=lambda axes: values[axes])
         ranked.append((values[axes], EndEffector(frame=name, axes=axes)))
     return ranked
