@@ -12,6 +12,7 @@ from lxml import etree
 from pkmsea.description import tree
 from pkmsea.description.clean import clean
 from pkmsea.description.description import Description, Origin
+from pkmsea.description.limits import placeholder_notes
 from pkmsea.description.locate import find
 from pkmsea.description.source import Source, read_source
 from pkmsea.errors import MechanismError
@@ -29,7 +30,9 @@ def read(source: str | Path) -> Description:
     said = read_source(find(source))
     draft = said.draft
     tree.check(said.root, said.tree)
-    notes = clean(said.root, said.tree, draft.locked)
+    moving = [joint for joint in said.root.findall("joint") if joint.get("type") != "fixed"]
+    notes = placeholder_notes([j for j in moving if j.get("name") not in draft.locked], draft.actuated, said.tree)
+    notes += clean(said.root, said.tree, draft.locked)
     text = etree.tostring(said.root, encoding="unicode")
     _validate(text, said.tree)
     data = {

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions
-from pkmsea.description import CompleteDescription
+from pkmsea.description import CompleteDescription, JointLimits
 
 ActuationClass = Literal["fully actuated", "redundantly actuated", "underactuated"]
 
@@ -72,6 +72,12 @@ class ClosedTree:
     def revolute(self) -> list[bool]:
         """Whether each joint turns (n); the others slide."""
         return [not joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]]
+
+    @cached_property
+    def limits(self) -> list[JointLimits]:
+        """Of each joint (n)."""
+        limits = self.description.limits
+        return [limits[name] for name in self.joints]
 
     @property
     def actuation_class(self) -> ActuationClass:

@@ -11,6 +11,7 @@ from pkmsea.mechanism import pose
 from pkmsea.mechanism.mechanism import Mechanism
 
 RAYS = 24  # along which the extent is probed
+STROKE = 20.0  # of a sliding joint without limits [m]
 CELLS = 64  # of the grid, across the larger extent
 
 
@@ -46,9 +47,8 @@ def size(mechanism: Mechanism) -> float:
     """A length that the end effector cannot move [m]: the sum of all placements and strokes."""
     lengths = [float(np.linalg.norm(placement.translation)) for placement in mechanism.model.jointPlacements]
     lengths += [float(np.linalg.norm(frame.placement.translation)) for frame in mechanism.model.frames]
-    model = mechanism.model
-    strokes = model.upperPositionLimit - model.lowerPositionLimit
-    return sum(lengths) + float(sum(s for s, turning in zip(strokes, mechanism.revolute, strict=True) if not turning))
+    sliding = [joint for joint, turning in zip(mechanism.limits, mechanism.revolute, strict=True) if not turning]
+    return sum(lengths) + sum(min(joint.upper - joint.lower, STROKE) for joint in sliding)
 
 
 def workspace(mechanism: Mechanism) -> Workspace:
