@@ -46,6 +46,8 @@ def print_error(error: BaseException | str) -> None:
     console = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
     console.print("pkmsea: ", style="bold red", end="")
     console.print(str(error), markup=False, emoji=False)
+    for note in getattr(error, "notes", ()):
+        console.print(f"note: {note}", markup=False, emoji=False)
 
 
 def _listen() -> None:

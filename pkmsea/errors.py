@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,11 @@ class PkmseaError(Exception):
     cause : what is wrong, one sentence.
     remedy : what to do next, one sentence.
     file, key, value : where it is wrong, as far as that is known.
+    notes : what was noticed on the way and may be the reason, one sentence each.
     """
 
     exit_code = 2
+    notes: tuple[str, ...] = ()
 
     def __init__(
         self, cause: str, remedy: str, *, file: str | Path | None = None, key: str | None = None, value: Any = None
@@ -47,6 +49,16 @@ def blaming(file: str | Path | None) -> Iterator[None]:
         yield
     except PkmseaError as error:
         error.file = file if error.file is None else error.file
+        raise
+
+
+@contextmanager
+def noting(notes: Iterable[str]) -> Iterator[None]:
+    """Errors of pkmsea tell these notes, too."""
+    try:
+        yield
+    except PkmseaError as error:
+        error.notes = tuple(dict.fromkeys((*error.notes, *notes)))
         raise
 
 

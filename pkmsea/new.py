@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 
@@ -10,17 +11,18 @@ import numpy as np
 from lxml import etree
 
 from pkmsea.description import find, meshes, skeleton
-from pkmsea.description.conventions import xacro
+from pkmsea.description.conventions import transmission, xacro
 from pkmsea.description.sidecar import SIDECAR
 from pkmsea.description.source import Source, read_source
-from pkmsea.errors import InputError, Unreachable
+from pkmsea.errors import InputError, Unreachable, noting
 from pkmsea.files import write_whole
 from pkmsea.mechanism import Mechanism, load_mechanism
-from pkmsea.mechanism.workspace import reach, size
+from pkmsea.mechanism.workspace import reach
 
 TASK = "task.yaml"
 PERIOD = 1.0  # [s]
 REST, WINDOW = 0.1, 0.01  # of the period; of the way
+MOST = {"m": np.inf, "rad": 1.0}  # of a coordinate on one side of the seed
 SHARES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05)  # of the reach from the seed, tried as operating points
 ROOM = 0.2  # of the way, left around the points
 KEEP = 0.4  # of the seed's distance to singularities, on the whole way
@@ -51,7 +53,10 @@ def new(folder: Path, tree: Path | None) -> list[Path]:
     task = folder / TASK
     if task.exists():
         raise InputError("The file exists; it is not overwritten.", "Move it away first.", file=task)
-    first = task_text(load_mechanism(folder))
+    source = read_source(folder)
+    completed = load_mechanism(folder)
+    with noting(completed.description.notes):
+        first = task_text(completed, transmission.gears(source.root, source.tree))
     write_whole(task, lambda temporary: temporary.write_text(first, encoding="utf-8"))
     return [*dict.fromkeys([*written, *([sidecar] if sidecar else []), task])]
 
@@ -94,8 +99,11 @@ def _take_meshes(folder: Path, source: Source) -> None:
             _copy(found, target)
 
 
-def task_text(mechanism: Mechanism) -> str:
-    """A task for a mechanism: two points inside the workspace, rigid drives beside elastic ones of a plausible size."""
+def task_text(mechanism: Mechanism, gears: Mapping[str, transmission.Gear]) -> str:
+    """A task for a mechanism: two points inside the workspace, rigid drives beside elastic ones of a plausible size.
+
+    `gears` is what the tree tells by joint.
+    """
     points = operating_points(mechanism)
     way = float(np.linalg.norm(points[1] - points[0]))
     end_effector = mechanism.description.end_effector
@@ -106,7 +114,7 @@ def task_text(mechanism: Mechanism) -> str:
     ]
     sides = zip(end_effector.coordinates, *box(points), strict=True)
     room = ", ".join(f"{axis}: [{_short(low, 3)}, {_short(high, 3)}]" for axis, low, high in sides)
-    rigid, elastic = _drives(mechanism)
+    rigid, elastic = _drives(mechanism, gears)
     return "\n".join([
         f"# A first task for '{mechanism.name}'. Drives are GUESSED from the mass that they move: put your own in.",
         f"name: {mechanism.name}",
@@ -119,7 +127,8 @@ def task_text(mechanism: Mechanism) -> str:
         "setups:  # the first one is the reference",
         "  - name: rigid",
         "    mechanism: .  # the folder of this file",
-        "    drives:  # inertia [kg m^2, kg] and copper loss R/k_m^2 [W/(N m)^2, W/N^2] at the output side of the gear",
+        "    drives:  # inertia [kg m^2, kg] and copper loss R/k_m^2 [W/(N m)^2, W/N^2] at the output side of the gear;"
+        " the motor's own with gear_ratio",
         *rigid,
         "  - name: elastic",
         "    mechanism: .",
@@ -137,8 +146,12 @@ def operating_points(mechanism: Mechanism) -> list[np.ndarray]:
     ------
     InputError : the seed is too close to a border or a singularity.
     """
-    start, far = mechanism.end_effector(mechanism.seed), size(mechanism)
-    sides = [np.array([sign * reach(mechanism, sign * axis, far) for axis in np.eye(start.size)]) for sign in (-1, 1)]
+    start, most = (
+        mechanism.end_effector(mechanism.seed),
+        np.array([MOST[unit] for unit in mechanism.end_effector_units]),
+    )
+    way = [np.array([reach(mechanism, sign * axis) for axis in np.eye(start.size)]) for sign in (-1, 1)]
+    sides = [sign * np.minimum(along, most) for sign, along in zip((-1, 1), way, strict=True)]
     for share in SHARES:
         points = [np.array([float(_short(x, 3)) for x in start + share * side]) for side in sides]
         if _is_clear(mechanism, points):
@@ -174,14 +187,21 @@ def _is_clear(mechanism: Mechanism, points: list[np.ndarray]) -> bool:
     return bool(np.any(points[1] != points[0]))
 
 
-def _drives(mechanism: Mechanism) -> tuple[list[str], list[str]]:
-    """One line per drive, rigid and elastic, scaled by the inertia that the drive feels: 1 / (H_A M^-1 H_A^T)_ii."""
+def _drives(mechanism: Mechanism, gears: Mapping[str, transmission.Gear]) -> tuple[list[str], list[str]]:
+    """One line per drive, rigid and elastic, scaled by the inertia that the drive feels: 1 / (H_A M^-1 H_A^T)_ii.
+
+    Of a drive with a gear N, inertia and copper loss are the motor's: those at the output over N^2, and times N^2.
+    """
     H_A, M = mechanism.actuation_jacobian(mechanism.seed), mechanism.mass_matrix(mechanism.seed)
     felt = 1 / np.diag(H_A @ np.linalg.solve(M, H_A.T))
     w = 2 * np.pi / PERIOD
     lines: tuple[list[str], list[str]] = ([], [])
     for joint, inertia in zip(mechanism.description.actuated, felt, strict=True):
-        same = f"inertia: {_short(ROTOR * inertia)}, copper_loss: {_short(LOSS / (inertia * w))}"
+        gear = gears.get(joint, transmission.Gear(1.0, 0.0))
+        N = abs(gear.reduction) or 1.0
+        rotor, loss = gear.rotor or ROTOR * inertia / N**2, LOSS * N**2 / (inertia * w)
+        same = f"inertia: {_short(rotor)}, copper_loss: {_short(loss)}"
+        same += "" if gear.plain else f", gear_ratio: {_short(N, 6)}"
         bounds = f"[{_short(SOFT * inertia * w**2)}, {_short(STIFF * inertia * w**2)}]"
         lines[0].append(f"      - {{kind: rigid, {same}}}  # {joint}")
         lines[1].append(f"      - {{kind: sea, {same}, stiffness: {{bounds: {bounds}}}}}  # {joint}")

@@ -151,6 +151,53 @@ def onshape(folder: Path) -> Path:
     return write(folder, "robot.urdf", urdf(Variant(), ends=("closing_tips_1", "closing_tips_2")), sidecar(Variant()))
 
 
+END = ("lower_A", "lower_B")  # links whose ends at 0.2 m are the tips
+
+
+def _open(folder: Path, closing: str, head: str = '<robot name="five_bar">') -> Path:
+    tree = urdf(Variant(), ends=("", ""), more=closing).replace('<robot name="five_bar">', head)
+    return write(folder, "robot.urdf", tree, sidecar(Variant()))
+
+
+def constraint(folder: Path) -> Path:
+    """The child's frame is turned about the axis, and given by a quaternion."""
+    return _open(folder, (
+        '<constraint name="tips" type="revolute"><parent link="lower_A"/><parent_origin xyz="0.2 0 0" rpy="0 0 0.4"/>'
+        '<parent_axis xyz="0 0 2"/><child link="lower_B"/><child_origin xyz="0.2 0 0" quat_xyzw="0 0 0.6 0.8"/>'
+        '<child_axis xyz="0 0 1"/></constraint>'
+    ))  # fmt: skip
+
+
+def loop_joint(folder: Path) -> Path:
+    """As Isaac Sim's documentation writes it, with two ends of the same name."""
+    ends = "".join(f'<link1 link="{link}" rpy="0 0 0" xyz="0.2 0 0"/>' for link in END)
+    return _open(folder, f'<loop_joint name="tips" type="spherical">{ends}</loop_joint>')
+
+
+def drake(folder: Path) -> Path:
+    parts = {
+        "body_A": 'name="lower_A"',
+        "p_AP": 'value="0.2 0 0"',
+        "body_B": 'name="lower_B"',
+        "p_BQ": 'value="0.2 0 0"',
+    }
+    inside = "".join(f"<drake:ball_constraint_{part} {said}/>" for part, said in parts.items())
+    head = '<robot name="five_bar" xmlns:drake="http://drake.mit.edu">'
+    return _open(folder, f"<drake:ball_constraint>{inside}</drake:ball_constraint>", head)
+
+
+def gazebo(folder: Path) -> Path:
+    """SDF closes the loop with all joints at zero, so that they count from the seed."""
+    turns = iter(Variant().seed.values())
+    axis = '<axis xyz="0 0 1"/><origin '
+    pieces = urdf(Variant(), ends=("", ""), more=(
+        '<gazebo><joint name="tips" type="revolute"><parent>five_bar::lower_A</parent><child>lower_B</child>'
+        "<pose>0.2 0 0 0 0 0.3</pose><axis><xyz>0 0 1</xyz></axis></joint></gazebo>"
+    )).split(axis)  # fmt: skip
+    tree = pieces[0] + "".join(f'{axis}rpy="0 0 {next(turns)!r}" {piece}' for piece in pieces[1:])
+    return write(folder, "robot.urdf", tree, sidecar(Variant()) | {"seed": {}})
+
+
 def mjcf(folder: Path) -> Path:
     """MuJoCo closes the loop where it starts, so its joints count from the seed."""
     at = angles()
@@ -186,4 +233,4 @@ def xacro(folder: Path) -> Path:
     return write(folder, "robot.urdf.xacro", text, keys)
 
 
-CONVENTIONS = {f.__name__: f for f in (native, gepetto, urdfplus, onshape, mjcf)}
+CONVENTIONS = {f.__name__: f for f in (native, gepetto, urdfplus, onshape, mjcf, constraint, loop_joint, drake, gazebo)}

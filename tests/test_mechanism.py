@@ -107,3 +107,15 @@ def test_shipped_geometry_is_the_assumed_one(mechanisms: dict[str, Mechanism]) -
 
 def test_packaged_mechanisms_load_by_name_and_path() -> None:
     assert load_mechanism("urdf/pkm_2rrr").joints == load_mechanism("pkm_2rrr").joints
+
+
+def test_points_behind_the_base_are_reached_by_detours() -> None:
+    """A two-link arm of 0.32 and 0.28 m that is almost stretched: straight ways past its base are too near to it."""
+    arm = load_mechanism("example-robot-data/TwoDofs.urdf", guess=True)
+    start = arm.end_effector(arm.seed)
+    behind = -start
+    q = arm.configuration(behind)
+    np.testing.assert_allclose(arm.end_effector(q), behind, atol=1e-9)
+    assert np.sign(q[1]) == np.sign(arm.seed[1])  # the elbow stays on its side
+    with pytest.raises(Unreachable):
+        arm.configuration(100 * start)

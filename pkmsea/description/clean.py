@@ -10,7 +10,9 @@ from lxml import etree
 
 from pkmsea.description import meshes
 from pkmsea.description.limits import ENDLESS, LARGEST, POSITIONS
-from pkmsea.description.xml import Element, number, numbers, text
+from pkmsea.description.tree import SIZES, placement
+from pkmsea.description.units import slips
+from pkmsea.description.xml import Element, axis, number, numbers, text
 from pkmsea.errors import MechanismError, NameNotFound
 
 KEPT = {
@@ -18,6 +20,7 @@ KEPT = {
     "link": ("inertial", "visual"),
     "joint": ("parent", "child", "origin", "axis", "limit"),
 }
+SWITCHES = {"gravity": "1", "kinematic": "0"}  # of links, for simulators
 GYRATION = 100.0  # a radius of gyration that many times the size of the mechanism is a wrong unit
 TRIANGLE = 1e-6  # how far the largest moment may exceed the sum of the others, relative to it
 
@@ -33,41 +36,64 @@ def clean(root: Element, file: Path, locked: dict[str, float]) -> list[str]:
     MechanismError : an inertia that no link of this size has.
     NameNotFound : a locked joint does not exist.
     """
-    notes: list[str] = []
+    notes = [*slips(root, file), *_switched(root)]
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     for name, value in locked.items():
         if name not in joints or joints[name].get("type") == "fixed":
             moving = [other for other, joint in joints.items() if joint.get("type") != "fixed"]
             raise NameNotFound("moving joint", name, moving, file=file, key="locked")
         _lock(joints[name], value, file)
+    if lossy := [f"'{name}'" for name, joint in joints.items() if _has_dynamics(joint)]:
+        which = f"joint {lossy[0]}" if len(lossy) == 1 else f"joints {', '.join(lossy)}"
+        notes.append(f"{which}: friction, damping and armature are not read; drives state theirs in the task")
     for name, joint in joints.items():
-        if any(float(v) for element in joint.findall("dynamics") for v in element.attrib.values() if _is_number(v)):
-            notes.append(
-                f"joint '{name}': friction, damping and armature are not read; drives state theirs in the task"
-            )
         _complete_limit(joint)
     notes += _inertia_notes(root, file)
     for element in [root, *root.findall("link"), *root.findall("joint")]:
         for child in list(element):
             if child.tag not in KEPT[str(element.tag)]:
                 element.remove(child)
-    return notes + _mesh_notes(meshes.drop_missing(root, file.parent))
+    return notes + _shape_notes(root) + _mesh_notes(meshes.drop_missing(root, file.parent))
+
+
+def _has_dynamics(joint: Element) -> bool:
+    values = [value for element in joint.findall("dynamics") for value in element.attrib.values()]
+    return any(float(value) for value in values if _is_number(value))
+
+
+def _switched(root: Element) -> list[str]:
+    """Switches of simulators that this model does not have."""
+    notes = []
+    for link in root.findall("link"):
+        gravity, kinematic = (link.findtext(tag, default).strip().lower() for tag, default in SWITCHES.items())
+        if gravity in ("0", "false"):
+            notes.append(f"link '{link.get('name')}': its gravity is switched off; here it has weight")
+        if kinematic in ("1", "true"):
+            notes.append(f"link '{link.get('name')}': it is kinematic for simulators; here forces move it")
+    return notes
+
+
+def _shape_notes(root: Element) -> list[str]:
+    """Leave out visuals of shapes that are not drawn."""
+    notes = []
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            if other := [str(shape.tag) for shape in visual.findall("geometry/*") if shape.tag not in SIZES]:
+                link.remove(visual)
+                notes.append(f"link '{link.get('name')}': <{other[0]}> is not drawn")
+    return notes
 
 
 def _lock(joint: Element, value: float, file: Path) -> None:
     """Make a joint fixed at a position: T_fixed = T_origin exp(axis value)."""
-    key = f"joint '{joint.get('name')}': origin"
-    origin = joint.find("origin")
-    xyz, rpy = (np.array(numbers(origin, a, 3, file, key, "0 0 0")) for a in ("xyz", "rpy"))
-    axis = np.array(numbers(joint.find("axis"), "xyz", 3, file, key, "1 0 0"))
-    axis /= np.linalg.norm(axis)
+    direction = np.array(axis(joint, file, f"joint '{joint.get('name')}':"))
+    moved = direction / np.linalg.norm(direction) * value
     sliding = joint.get("type") == "prismatic"
-    motion = pin.Motion(axis * value, np.zeros(3)) if sliding else pin.Motion(np.zeros(3), axis * value)
-    placement = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * pin.exp6(motion)
+    motion = pin.Motion(moved, np.zeros(3)) if sliding else pin.Motion(np.zeros(3), moved)
+    place = placement(joint, file) * pin.exp6(motion)
     for element in joint.findall("origin") + joint.findall("axis") + joint.findall("limit"):
         joint.remove(element)
-    moved = pin.rpy.matrixToRpy(placement.rotation)
-    etree.SubElement(joint, "origin", xyz=text(placement.translation), rpy=text(moved))
+    etree.SubElement(joint, "origin", xyz=text(place.translation), rpy=text(pin.rpy.matrixToRpy(place.rotation)))
     joint.set("type", "fixed")
 
 

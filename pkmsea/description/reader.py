@@ -9,7 +9,6 @@ from pathlib import Path
 import yourdfpy
 from lxml import etree
 
-from pkmsea.description import tree
 from pkmsea.description.clean import clean
 from pkmsea.description.description import Description, Origin
 from pkmsea.description.limits import placeholder_notes
@@ -29,10 +28,9 @@ def read(source: str | Path) -> Description:
     """
     said = read_source(find(source))
     draft = said.draft
-    tree.check(said.root, said.tree)
     moving = [joint for joint in said.root.findall("joint") if joint.get("type") != "fixed"]
-    notes = placeholder_notes([j for j in moving if j.get("name") not in draft.locked], draft.actuated, said.tree)
-    notes += clean(said.root, said.tree, draft.locked)
+    placeholders = placeholder_notes([j for j in moving if j.get("name") not in draft.locked], draft.actuated, said.tree)
+    notes = [*said.notes, *placeholders, *clean(said.root, said.tree, draft.locked)]
     text = etree.tostring(said.root, encoding="unicode")
     _validate(text, said.tree)
     data = {

@@ -10,7 +10,13 @@ from typing import Any
 
 from pkmsea.description import robots, xml
 from pkmsea.description.conventions import BESIDE, FORMATS, MARKS
+from pkmsea.description.conventions.keys import joined
+from pkmsea.description.elements import refuse_unknown
+from pkmsea.description.locks import hold
+from pkmsea.description.parts import Coupling
+from pkmsea.description.plain import make_plain
 from pkmsea.description.sidecar import SIDECAR, Draft
+from pkmsea.description.tree import check
 from pkmsea.errors import InputError, MechanismError
 from pkmsea.files import is_file, parse, read_yaml
 
@@ -30,6 +36,7 @@ class Source:
     draft : the keys of a sidecar, as far as the files say them.
     in_sidecar, in_tree : the keys that each says; what a sidecar says goes before what the tree says.
     labels : the conventions that were met.
+    notes : what is read in another way than it is written, or left out.
     files : those in the tree's folder that a copy of the tree needs beside it; meshes of a URDF are not among them.
     """
 
@@ -41,6 +48,7 @@ class Source:
     in_sidecar: tuple[str, ...]
     in_tree: tuple[str, ...]
     labels: tuple[str, ...]
+    notes: tuple[str, ...]
     files: tuple[Path, ...] = ()
 
     @property
@@ -62,18 +70,29 @@ def read_source(path: Path) -> Source:
     said = parse(Draft, data, sidecar)
     tree = path if path.is_file() and path != sidecar else _find_tree(folder, said.urdf, sidecar)
     root, in_tree, found, files = _read_tree(tree)
+    notes = in_tree.pop("notes", ())
     from_tree = parse(Draft, in_tree, tree)
     ours, theirs = ({name: getattr(d, name) for name in d.model_fields_set} for d in (said, from_tree))
     if ours.keys() & {"closures", "couplings", "locked"}:
         theirs.pop("independent", None)  # the tree counts with its own loops
-    if "actuated" in theirs:
-        theirs["actuated"] = tuple(name for name in theirs["actuated"] if name not in said.locked)
-    if "seed" in theirs:
-        theirs["seed"] = {name: at for name, at in theirs["seed"].items() if name not in said.locked}
     merged = theirs | ours | {"frames": from_tree.frames | said.frames, "urdf": said.urdf or tree.name}
-    draft = Draft.model_construct(**merged)
+    merged |= {"couplings": _together(said.couplings, from_tree.couplings)}
+    draft, held = hold(Draft.model_construct(**merged), sidecar or tree)
+    if "actuated" in theirs.keys() - ours.keys():
+        moving = tuple(name for name in draft.actuated or () if name not in draft.locked)
+        draft = draft.model_copy(update={"actuated": moving or None})
+    if draft.seed is not None and "seed" in theirs.keys() - ours.keys():
+        free = {name: at for name, at in draft.seed.items() if name not in draft.locked}
+        draft = draft.model_copy(update={"seed": free})
     said_by = tuple(sorted(ours)), tuple(sorted(theirs.keys() - ours.keys()))
-    return Source(folder, tree, root, sidecar, draft, *said_by, (*labels, *found), files)
+    return Source(folder, tree, root, sidecar, draft, *said_by, (*labels, *found), (*notes, *held), files)
+
+
+def _together(ours: tuple[Coupling, ...], theirs: tuple[Coupling, ...]) -> tuple[Coupling, ...]:
+    """Couplings of the sidecar, and those of the tree for other joints."""
+    named = {coupling.joint for coupling in ours}
+    pairs = [{coupling.joint, coupling.of} for coupling in ours]
+    return *ours, *(c for c in theirs if c.joint not in named and {c.joint, c.of} not in pairs)
 
 
 def _sidecar_of(path: Path) -> Path | None:
@@ -159,11 +178,14 @@ def _read_tree(tree: Path) -> tuple[xml.Element, dict[str, Any], list[str], tupl
         files = tuple(form.files(root, tree))
         root, said = form.read(root, tree)
         if not form.MARKED:
+            check(root, tree)
             return root, said, [form.LABEL], files
+    make_plain(root, tree)
+    check(root, tree)
+    refuse_unknown(root, tree, [name for convention in MARKS for name in convention.TAGS])
     labels = []
     for convention in MARKS:
         more = convention.read(root, tree)
-        labels += [convention.LABEL] if more else []
-        closures = (*said.get("closures", ()), *more.get("closures", ()))
-        said = more | said | ({"closures": closures} if closures else {})
+        labels += [convention.LABEL] if more.keys() - {"notes"} else []
+        said = joined(said, more, tree)
     return root, said, labels, files

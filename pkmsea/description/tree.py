@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from pkmsea.description.limits import joint_limits
-from pkmsea.description.xml import Element, number, numbers
+from pkmsea.description.xml import Element, axis, number, numbers
 from pkmsea.errors import MechanismError, NameNotFound
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed")
@@ -26,8 +27,9 @@ HOME = {  # where an element stands; elsewhere, or for the second time, it would
     "axis": ("joint",),
     "limit": ("joint",),
     "mimic": ("joint",),
-    "origin": ("joint", "inertial", "visual", "collision"),
+    "origin": ("joint", "inertial", "visual", "collision", "link"),
 }
+PRIVATE = ("self_filter", "collision_checking", "sensor", "surface", "contact")  # have elements of their own
 MANY = ("link", "joint", "visual")
 NEGATIVE = -1e-9  # smallest principal moment that rounding explains, relative to the largest
 
@@ -43,8 +45,8 @@ def check(root: Element, file: Path) -> None:
         raise MechanismError(f"The root element is <{root.tag}>, not <robot>.", "Give a URDF file.", file=file)
     links, joints = _named(root, "link", file), _named(root, "joint", file)
     for top in root:
-        inside = top.iterdescendants(*HOME) if top.tag in ("link", "joint") else ()
-        for element in (*([top] if top.tag in HOME else []), *inside):
+        inside = [child for child in top if child.tag not in PRIVATE] if top.tag in ("link", "joint") else []
+        for element in (*([top] if top.tag in HOME else []), *(e for child in inside for e in child.iter(*HOME))):
             _check_place(element, file)
     parent_of = {}
     for name, joint in joints.items():
@@ -60,9 +62,31 @@ def check(root: Element, file: Path) -> None:
         _check_joint(joint, f"joint '{name}':", file)
     _check_connected(list(links), parent_of, file)
     for name, link in links.items():
+        _check_link_origin(link, f"link '{name}':", file)
         _check_inertia(link, f"link '{name}':", file)
         for visual in link.findall("visual"):
             _check_visual(visual, f"link '{name}': visual", file)
+
+
+def neutral(root: Element, file: Path) -> dict[str, pin.SE3]:
+    """Placement of each link in the base, which comes first, with all joints at zero; of a checked tree."""
+    joints = root.findall("joint")
+    children = {joint.find("child").get("link") for joint in joints}
+    names = (link.get("name", "") for link in root.findall("link"))
+    placed = {name: pin.SE3.Identity() for name in names if name not in children}
+    while len(placed) <= len(joints):
+        for joint in joints:
+            parent, child = (joint.find(end).get("link") for end in ("parent", "child"))
+            if parent in placed and child not in placed:
+                placed[child] = placed[parent] * placement(joint, file)
+    return placed
+
+
+def placement(joint: Element, file: Path) -> pin.SE3:
+    """Of a joint's frame in its parent."""
+    key, origin = f"joint '{joint.get('name')}': origin", joint.find("origin")
+    xyz, rpy = (np.array(numbers(origin, attribute, 3, file, key, "0 0 0")) for attribute in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
 
 
 def _named(root: Element, tag: str, file: Path) -> dict[str, Element]:
@@ -109,7 +133,7 @@ def _check_joint(joint: Element, key: str, file: Path) -> None:
     _check_origin(joint, key, file)
     if kind == "fixed":
         return
-    if not any(numbers(joint.find("axis"), "xyz", 3, file, f"{key} axis", "1 0 0")):
+    if not any(axis(joint, file, key)):
         raise MechanismError("The axis is zero.", "Give a direction, such as 0 0 1.", file=file, key=f"{key} axis")
     joint_limits(joint, file)
 
@@ -146,6 +170,20 @@ def _check_origin(element: Element, key: str, file: Path) -> None:
         numbers(origin, attribute, 3, file, f"{key} origin", "0 0 0")
 
 
+def _check_link_origin(link: Element, key: str, file: Path) -> None:
+    """The frame of a link is that of its joint; exporters write that as an origin without effect."""
+    origin = link.find("origin")
+    values = [x for attribute in ("xyz", "rpy") for x in numbers(origin, attribute, 3, file, f"{key} origin", "0 0 0")]
+    if any(values):
+        raise MechanismError(
+            "A link has no origin of its own.",
+            "Put it into the origin of the joint whose child the link is.",
+            file=file,
+            key=f"{key} origin",
+            value=values,
+        )
+
+
 def _check_inertia(link: Element, key: str, file: Path) -> None:
     inertial = link.find("inertial")
     if inertial is None:
@@ -157,6 +195,14 @@ def _check_inertia(link: Element, key: str, file: Path) -> None:
         )
     _check_origin(inertial, f"{key} inertial", file)
     xx, yy, zz, xy, xz, yz = (number(inertial.find("inertia"), m, file, f"{key} inertia") for m in MOMENTS)
+    if mass == 0 and any((xx, yy, zz, xy, xz, yz)):
+        raise MechanismError(
+            "The mass is zero, the inertia is not.",
+            "Give the mass in kg; or remove <inertial>, so that the link counts as massless.",
+            file=file,
+            key=f"{key} mass",
+            value=mass,
+        )
     principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if principal[0] < NEGATIVE * max(principal[-1], 0.0) or principal[-1] < 0:
         raise MechanismError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -17,6 +17,7 @@ MAX_BYTES = 20_000_000  # a tree of links has a few hundred kB at most
 LARGEST = 1e6  # of any length, mass or inertia of a mechanism, in SI units
 
 Element: TypeAlias = etree._Element
+Attributes: TypeAlias = Element | Mapping[str, str]
 
 
 def parse(file: Path) -> Element:
@@ -54,7 +55,7 @@ def parse_text(text: bytes, file: Path) -> Element:
 
 
 def numbers(
-    element: Element | None, attribute: str, count: int, file: Path, key: str, default: str = ""
+    element: Attributes | None, attribute: str, count: int, file: Path, key: str, default: str = ""
 ) -> list[float]:
     """The numbers of an attribute, `default` where it is missing; `key` says where it stands.
 
@@ -76,9 +77,21 @@ def numbers(
     return values
 
 
-def number(element: Element | None, attribute: str, file: Path, key: str, default: str = "") -> float:
+def number(element: Attributes | None, attribute: str, file: Path, key: str, default: str = "") -> float:
     """One number; see `numbers`."""
     return numbers(element, attribute, 1, file, key, default)[0]
+
+
+def axis(holder: Element, file: Path, key: str) -> list[float]:
+    """The direction that the <axis> of a joint or loop states; x where there is none."""
+    element = holder.find("axis")
+    return numbers(element, "xyz", 3, file, f"{key} axis", "1 0 0" if element is None else "")
+
+
+def tag(element: Element) -> str:
+    """How a file writes the name of an element: 'joint', 'drake:ball_constraint'."""
+    name = str(element.tag).rpartition("}")[2]
+    return f"{element.prefix}:{name}" if element.prefix else name
 
 
 def text(values: Iterable[float]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,9 +12,9 @@ import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions, frame_id, tree_functions
 from pkmsea.description import CompleteDescription, Description, read
-from pkmsea.errors import BridgeError, MechanismError, NameNotFound
-from pkmsea.mechanism import closures, plane, propose
-from pkmsea.mechanism.loops import Loops
+from pkmsea.errors import BridgeError, MechanismError, NameNotFound, noting
+from pkmsea.mechanism import closures, hints, plane, propose
+from pkmsea.mechanism.conditioning import Conditioning, characteristic_length
 from pkmsea.mechanism.mechanism import Mechanism
 from pkmsea.mechanism.mobility import close_loops
 from pkmsea.mechanism.model import build_model
@@ -44,25 +45,40 @@ def build_mechanism(description: Description, guess: bool = False) -> Mechanism:
     ------
     InputError : names file, key, value and remedy.
     """
+    notes = list(description.notes)
+    with noting(notes):
+        return _build(description, guess, notes)
+
+
+def _build(description: Description, guess: bool, notes: list[str]) -> Mechanism:
+    """The mechanism; what is noticed is added to `notes`, also before an error."""
     model = build_model(description)
     _check_frames(model, description)
     propose.check_joint_names(description, model)
+    exact = plane.put_right(description, model)
+    if exact.tree != description.tree:
+        model = build_model(exact)
+    description = exact
+    notes += [*exact.notes, *hints.possible_loops(model, description)]
     closing = [frame for closure in description.closures for frame in closure.frames]
     tree = _tree(model, closing, description)
     q = ca.SX.sym("q", model.nq)
     Phi = closures.residual(q, tree, description, list(model.names)[1:])
-    every_row = ca.Function("closure", [q], [Phi, ca.densify(ca.jacobian(Phi, q))], ["q"], ["Phi", "G"])
-    worth = partial(propose.worth, description, model) if guess else None
-    loops = close_loops(every_row, closures.sense(q, tree, description.closures), model, description, worth)
-    plane.check(model, loops.seed, description)
+    length = characteristic_length(model, [*closing, *propose.followers(description, model)])
+    measure = Conditioning(model, description, length)
+    worth = partial(propose.worth, description, measure) if guess else None
+    every_row, sense = closures.equations(q, Phi, description, measure), closures.sense(q, tree, description.closures)
+    loops = close_loops(every_row, sense, model, description, measure, worth)
     complete = propose.complete(description, loops, model, guess)
     tree = _tree(model, [*closing, complete.end_effector.frame], description)
     functions = closures.functions(Phi, q, loops.rows)
     functions |= _minimal(functions, tree, model, complete)
-    conditioning = _conditioning(loops, model, complete)
-    mechanism = Mechanism(complete, model, tree, functions, loops.seed, loops.mobility, conditioning)
+    length = characteristic_length(model, [*closing, complete.end_effector.frame])
+    mechanism = Mechanism(complete, model, tree, functions, loops.seed, loops.mobility, length)
     _check_motion(mechanism)
-    return mechanism
+    notes += hints.of(mechanism, loops.poses)
+    told = complete.model_copy(update={"notes": tuple(dict.fromkeys(notes))})
+    return replace(mechanism, description=told)
 
 
 def _tree(model: pin.Model, frames: list[str], description: Description) -> TreeFunctions:
@@ -87,11 +103,6 @@ def _check_frames(model: pin.Model, description: Description) -> None:
                 "Name one frame on each side of the loop.",
                 **description.where("closures", f"closures.{i}.frames", list(loop.frames)),
             )
-
-
-def _conditioning(loops: Loops, model: pin.Model, description: CompleteDescription) -> float:
-    joints = list(model.names)[1:]
-    return loops.conditioning([joints.index(name) for name in description.independent])
 
 
 def _minimal(

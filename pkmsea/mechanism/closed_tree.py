@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions
 from pkmsea.description import CompleteDescription, JointLimits
+from pkmsea.mechanism.conditioning import turning
 
 ActuationClass = Literal["fully actuated", "redundantly actuated", "underactuated"]
 
@@ -32,7 +33,7 @@ class ClosedTree:
     functions : named casadi.Functions, see `pkmsea.mechanism.assemble`.
     seed : a closed pose on the declared assembly mode (n,).
     mobility : delta, from the rank of the closure Jacobian at closed, generic poses.
-    conditioning : of the independent coordinates at generic closed poses, 0 (useless) to 1.
+    length : its characteristic length [m], see `pkmsea.mechanism.conditioning`.
     """
 
     description: CompleteDescription
@@ -41,7 +42,7 @@ class ClosedTree:
     functions: dict[str, ca.Function]
     seed: np.ndarray
     mobility: int
-    conditioning: float
+    length: float
 
     @property
     def name(self) -> str:
@@ -71,7 +72,23 @@ class ClosedTree:
     @cached_property
     def revolute(self) -> list[bool]:
         """Whether each joint turns (n); the others slide."""
-        return [not joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]]
+        return [bool(turns) for turns in turning(self.model)]
+
+    @property
+    def units(self) -> list[str]:
+        """Of each joint's position (n)."""
+        return ["rad" if turns else "m" for turns in self.revolute]
+
+    @property
+    def end_effector_units(self) -> list[str]:
+        """Of each coordinate of r_E: m along axes, the joints' own where joints are followed."""
+        units, follower = dict(zip(self.joints, self.units, strict=True)), self.description.end_effector
+        return [units[name] for name in follower.joints] or ["m"] * len(follower.axes)
+
+    @property
+    def end_effector_unit(self) -> str:
+        """That of all coordinates of r_E; 'rad, m' where they differ."""
+        return ", ".join(dict.fromkeys(self.end_effector_units))
 
     @cached_property
     def limits(self) -> list[JointLimits]:
@@ -88,7 +105,7 @@ class ClosedTree:
         return "redundantly actuated" if m > self.mobility else "underactuated"
 
     def end_effector(self, q: np.ndarray) -> np.ndarray:
-        """r_E(q) [m], along the declared axes."""
+        """r_E(q), along the declared axes [m], or of the declared joints [rad, m]."""
         return self._call("end_effector", q).ravel()
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:

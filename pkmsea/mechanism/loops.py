@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr
 
-from pkmsea.mechanism import pose
+from pkmsea.mechanism.conditioning import Conditioning
 
 RANK = 1e-9  # a row adds nothing below this share of the largest; closures hold to 1e-12
 PREFERENCE = 0.1  # the drives' joints are preferred as coordinates down to this share of the best conditioning
@@ -21,13 +21,17 @@ class Loops:
     Attributes
     ----------
     seed : a closed pose (n,); `proposed` says that it was searched for.
-    G : Jacobian of these rows at the seed and other generic closed poses (k, n - delta, n).
+    poses : the seed and other generic closed poses (k, n).
+    G : Jacobian of these rows there, without units (k, n - delta, n).
+    measure : of the loops.
     """
 
     seed: np.ndarray
     proposed: bool
     rows: list[int]
+    poses: np.ndarray
     G: np.ndarray
+    measure: Conditioning
 
     @property
     def n(self) -> int:
@@ -38,11 +42,8 @@ class Loops:
         return self.n - len(self.rows)
 
     def conditioning(self, joints: Sequence[int]) -> float:
-        """How well `joints` determine the motion, 0 to 1: median over the poses of the reciprocal condition number
-        of [G; S], where S picks the joints and G is scaled to their size."""
-        select = np.broadcast_to(np.eye(self.n)[list(joints)], (len(self.G), len(joints), self.n))
-        scale = max(float(np.abs(self.G).max(initial=0.0)), 1e-12)
-        return float(np.median(pose.reciprocal_condition(np.concatenate([self.G / scale, select], axis=1))))
+        """How well `joints` determine the motion, 0 to 1: median over the poses, see `Conditioning`."""
+        return float(np.median([self.measure.of_joints(q, joints) for q in self.poses]))
 
     def choose(self, among: Sequence[int]) -> list[int]:
         """delta joints out of `among` that determine the motion best; fewer where they cannot."""

@@ -15,6 +15,7 @@ import numpy as np
 from pkmsea.errors import one_line
 from pkmsea.mechanism import pose
 from pkmsea.mechanism.closed_tree import ClosedTree
+from pkmsea.mechanism.conditioning import Conditioning
 
 
 class Mechanism(ClosedTree):
@@ -39,8 +40,9 @@ class Mechanism(ClosedTree):
     def configuration(self, point: Sequence[float] | np.ndarray) -> np.ndarray:
         """All joints q (n,) with the end effector at a task-space point [m], on the declared assembly mode.
 
-        The point is approached from the seed along a straight line, in steps that shrink where the pose turns
-        quickly; the sign of det [G; J_E] may not change, so the branch never switches silently.
+        The point is approached from the seed along a straight line, or by detours where that leads out of the
+        workspace, in steps that shrink where the pose turns quickly; the sign of det [G; J_E] may not change, so the
+        branch never switches silently.
 
         Raises
         ------
@@ -51,12 +53,17 @@ class Mechanism(ClosedTree):
     def singularity(self, q: np.ndarray) -> tuple[float, float]:
         """Distance to singularities of both types, in [0, 1]; zero at one.
 
-        Inverse-kinematic (type 1, at the workspace's border): reciprocal condition number of [G; J_E].
-        Direct-kinematic (type 2, the drives lose the end effector): that of [G; S_A], where S_A picks the drives'
-        joints. (Gosselin and Angeles, 1990)
+        Inverse-kinematic (type 1, at the workspace's border): the least that the end effector moves in a motion of all
+        joints. Direct-kinematic (type 2, the drives lose the end effector): the least that the drives move. (Gosselin
+        and Angeles, 1990; for the measure see `pkmsea.mechanism.conditioning.Conditioning`)
         """
         inverse, direct = pose.singularity(self, q[None])
         return float(inverse[0]), float(direct[0])
+
+    @cached_property
+    def conditioning(self) -> float:
+        """The least that the independent coordinates move at the seed, 0 (useless) to 1."""
+        return Conditioning(self.model, self.description, self.length).of_joints(self.seed, self.independent)
 
 
 _known: WeakValueDictionary[bytes, Mechanism] = WeakValueDictionary()  # by pickled content

@@ -11,19 +11,24 @@ import numpy as np
 
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.mechanism.closed_tree import ClosedTree
+from pkmsea.mechanism.conditioning import Conditioning
 
 Closure = Callable[[np.ndarray], Any]  # q to (Phi, G)
 
-TOLERANCE = 1e-12  # of closures and end-effector position [m]; four digits above rounding at arm lengths of 1 m
+TOLERANCE = 1e-12  # of closures, without units, and of end-effector positions up to 1 m [m]; four digits above rounding
 ITERATIONS = 30
 SAMPLES = 12  # closed poses at which the mobility is taken
-SCATTER = 0.4  # their spread in the joints [rad, m]
-RESOLUTION = 2e-5  # of a way
-SMALL = 0.05  # a step to a neighbouring pose [rad, m]
+SCATTER = 0.4  # their spread in the joints [rad; of sliders, characteristic lengths]
+RESOLUTION, COARSE = 2e-5, 1e-2  # of a way; of one to a place that need not be reached
+DETOURS = 16  # places by way of which a point is looked for that lies in no straight line
+SMALL = 0.05  # a step to a neighbouring pose [rad; of sliders, characteristic lengths]
 
 
-def close(closure: Closure, guess: np.ndarray) -> np.ndarray | None:
-    """The closed pose nearest to a guess, by Gauss-Newton steps of least norm; None where there is none near."""
+def close(closure: Closure, guess: np.ndarray, units: np.ndarray | float = 1.0) -> np.ndarray | None:
+    """The closed pose nearest to a guess, by Gauss-Newton steps of least norm; None where there is none near.
+
+    `closure` gives Phi and its Jacobian for coordinates q / units.
+    """
     q = guess.astype(float)
     for _ in range(ITERATIONS):
         Phi, G = (np.array(x) for x in closure(q))
@@ -35,14 +40,14 @@ def close(closure: Closure, guess: np.ndarray) -> np.ndarray | None:
         largest = np.abs(step).max()
         if not 0 < largest < np.inf:
             return None
-        q = q + step * min(1.0, 0.5 / largest)
+        q = q + units * step * min(1.0, 0.5 / largest)
     return None
 
 
-def scatter(closure: Closure, seed: np.ndarray) -> list[np.ndarray]:
+def scatter(closure: Closure, seed: np.ndarray, units: np.ndarray) -> list[np.ndarray]:
     """Closed poses around the seed, from a fixed random sequence."""
     rng = np.random.default_rng(0)
-    tries = (close(closure, seed + rng.uniform(-SCATTER, SCATTER, seed.size)) for _ in range(SAMPLES))
+    tries = (close(closure, seed + units * rng.uniform(-SCATTER, SCATTER, seed.size), units) for _ in range(SAMPLES))
     return [q for q in tries if q is not None]
 
 
@@ -73,8 +78,8 @@ def pose_gap(mechanism: ClosedTree) -> ca.Function:
     return ca.Function("pose_gap", [q, y], ca.cse([A, gap, gap]), ["q", "y"], ["A", "gap", "right"])
 
 
-def follow(mechanism: ClosedTree, point: np.ndarray) -> np.ndarray:
-    """Continuation from the seed to `point` (see `Mechanism.configuration`)."""
+def follow(mechanism: ClosedTree, point: np.ndarray, detours: bool = True) -> np.ndarray:
+    """Continuation from the seed to `point` (see `Mechanism.configuration`), straight or by detours."""
     start = mechanism.end_effector(mechanism.seed)
     if point.shape != start.shape or not np.all(np.isfinite(point)):
         raise InputError(
@@ -84,24 +89,46 @@ def follow(mechanism: ClosedTree, point: np.ndarray) -> np.ndarray:
             key="point",
             value=point.tolist(),
         )
-    q, done = walk(mechanism, point)
-    if done < 1.0:
+    q, done = walk(mechanism, mechanism.seed, point)
+    if done == 1.0:
+        return q
+    around = _around(mechanism, point) if detours and point.size > 1 else None
+    if around is None:
         raise _unreachable(mechanism, point, start + done * (point - start))
-    return q
+    return around
+
+
+def _around(mechanism: ClosedTree, point: np.ndarray) -> np.ndarray | None:
+    """The pose at a point by way of places that a fixed random sequence draws around the straight way; None where all
+    lead nowhere. Each way begins at the nearest place that is known."""
+    rng, start = np.random.default_rng(0), mechanism.end_effector(mechanism.seed)
+    poses, places = [mechanism.seed], [start]
+    middle, far = (start + point) / 2, float(np.linalg.norm(point - start))
+    for target in middle + far * rng.uniform(-1, 1, (DETOURS, point.size)):
+        nearest = int(np.argmin([np.linalg.norm(place - target) for place in places]))
+        poses.append(walk(mechanism, poses[nearest], target, resolution=COARSE)[0])
+        places.append(mechanism.end_effector(poses[-1]))
+        q, done = walk(mechanism, poses[-1], point)
+        if done == 1.0:
+            return q
+    return None
 
 
 def walk(
-    mechanism: ClosedTree, point: np.ndarray, allowed: Callable[[np.ndarray], bool] = lambda q: True
+    mechanism: ClosedTree,
+    q: np.ndarray,
+    point: np.ndarray,
+    allowed: Callable[[np.ndarray], bool] = lambda q: True,
+    resolution: float = RESOLUTION,
 ) -> tuple[np.ndarray, float]:
-    """The pose farthest on the straight line from the seed to `point`, and its share of the way (to `RESOLUTION`).
+    """The pose farthest on the straight line from pose q to `point`, and its share of the way (to `resolution`).
 
     Steps shrink where the pose turns quickly; the sign of det A may not change, and `allowed` must hold.
     """
-    system = task_system(mechanism)
-    q, start = mechanism.seed, mechanism.end_effector(mechanism.seed)
+    system, start = task_system(mechanism), mechanism.end_effector(q)
     sign = np.sign(np.linalg.det(np.array(system(q)[1])))
     done, step = 0.0, 1.0
-    while done < 1.0 and step >= RESOLUTION:
+    while done < 1.0 and step >= resolution:
         target = start + min(done + step, 1.0) * (point - start)
         found = newton(system, q, target)
         if found is not None and np.sign(np.linalg.det(np.array(system(found)[1]))) == sign and allowed(found):
@@ -117,7 +144,7 @@ def newton(system: ca.Function, q: np.ndarray, target: np.ndarray) -> np.ndarray
     for _ in range(ITERATIONS):
         Psi, A = (np.array(x) for x in system(q))
         gap = goal - Psi.ravel()
-        if np.abs(gap).max() < TOLERANCE:
+        if np.abs(gap).max() < TOLERANCE * max(1.0, float(np.abs(goal).max())):
             return q
         try:
             step = np.linalg.solve(A, gap)
@@ -143,27 +170,10 @@ def _text(point: np.ndarray) -> str:
 
 
 def singularity(mechanism: ClosedTree, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reciprocal condition numbers of [G; J_E] and [G; S_A] at poses q (k, n), see `Mechanism.singularity`.
-
-    Rows of lengths are divided by the mechanism's own scale, the largest entry of its A, to compare with joints.
-    """
-    n, k = mechanism.model.nq, q.shape[0]
-    A = np.array(task_system(mechanism).map(k)(q.T)[1]).reshape(n, k, n).transpose(1, 0, 2)
-    scale = max(float(np.abs(A).max()), 1e-12)
-    direct = np.concatenate(
-        [A[:, : n - mechanism.mobility] / scale, np.broadcast_to(_select(mechanism), (k, len(mechanism.actuated), n))],
-        axis=1,
-    )
-    return reciprocal_condition(A / scale), reciprocal_condition(direct)
-
-
-def _select(mechanism: ClosedTree) -> np.ndarray:
-    """S_A, (m, n): picks q_A out of q."""
-    return np.eye(mechanism.model.nq)[mechanism.actuated]
-
-
-def reciprocal_condition(matrices: np.ndarray) -> np.ndarray:
-    """Smallest over largest singular value of each matrix (..., a, b); zero for a zero matrix."""
-    sigma = np.linalg.svd(matrices, compute_uv=False)
-    result: np.ndarray = sigma[..., -1] / np.maximum(sigma[..., 0], np.finfo(float).tiny)
-    return result
+    """Distances to singularities of type 1 and 2 at poses q (k, n), see `Mechanism.singularity`."""
+    measure = Conditioning(mechanism.model, mechanism.description, mechanism.length)
+    follower = mechanism.description.end_effector
+    followed = [mechanism.joints.index(name) for name in follower.joints]
+    axes = ["xyz".index(axis) for axis in follower.axes]
+    inverse = [measure.of_joints(x, followed) if followed else measure.of_point(x, follower.frame, axes) for x in q]
+    return np.array(inverse), np.array([measure.of_joints(x, mechanism.actuated) for x in q])

@@ -9,11 +9,10 @@ from typing import Any, Literal
 import numpy as np
 import pinocchio as pin
 
-from pkmsea.bridge import frame_id
 from pkmsea.description import CompleteDescription, Description, EndEffector
 from pkmsea.errors import MechanismError, NameNotFound
 from pkmsea.files import parse
-from pkmsea.mechanism import pose
+from pkmsea.mechanism.conditioning import Conditioning
 from pkmsea.mechanism.loops import Loops
 
 WORTH = 0.02  # conditioning from which drives or an end effector are proposed
@@ -118,7 +117,7 @@ def _end_effector(description: Description, loops: Loops, model: pin.Model) -> E
         chosen = loops.independent([])
         frame = next(iter(_candidates(description, model)), model.frames[-1].name)
         return EndEffector(frame=frame, joints=tuple(list(model.names)[1:][i] for i in chosen))
-    ranked = _ranked(description, model, loops.seed, loops.G[0])
+    ranked = _ranked(description, loops.measure, loops.seed, loops.mobility)
     found = next((follower for worth, follower in ranked if worth >= WORTH), None)
     if found is None:
         raise MechanismError(
@@ -130,39 +129,36 @@ def _end_effector(description: Description, loops: Loops, model: pin.Model) -> E
     return found
 
 
-def worth(description: Description, model: pin.Model, q: np.ndarray, G: np.ndarray) -> float:
+def worth(description: Description, measure: Conditioning, q: np.ndarray, mobility: int) -> float:
     """How well an end effector can follow the motion at a closed pose, 0 to 1: the declared one, or the best frame."""
-    return max((value for value, _ in _ranked(description, model, q, G)), default=0.0)
+    return max((value for value, _ in _ranked(description, measure, q, mobility)), default=0.0)
 
 
 def _ranked(
-    description: Description, model: pin.Model, q: np.ndarray, G: np.ndarray
+    description: Description, measure: Conditioning, q: np.ndarray, mobility: int
 ) -> list[tuple[float, EndEffector]]:
-    """Frames that may be the end effector, most likely first, along their best axes, with their worth: the reciprocal
-    condition number of [G; J_E], zero at the border of the workspace."""
-    mobility = model.nq - G.shape[0]
+    """Frames that may be the end effector, most likely first, along their best axes, with their worth: the distance to
+    singularities of type 1, zero at the border of the workspace."""
     declared = description.end_effector
     if declared and declared.joints:
-        S = np.eye(model.nq)[[list(model.names)[1:].index(name) for name in declared.joints]]
-        return [(_worth(G, S), declared)] if len(S) == mobility else []
+        joints = [measure.joints.index(name) for name in declared.joints]
+        return [(measure.of_joints(q, joints), declared)] if len(joints) == mobility else []
     if mobility > len(AXES) or (declared and len(declared.axes) != mobility):
         return []
-    data = model.createData()
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
     ranked = []
-    for name in [declared.frame] if declared else _candidates(description, model)[:CANDIDATES]:
-        J = pin.getFrameJacobian(model, data, frame_id(model, name), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3]
+    for name in followers(description, measure.model):
         choices = [declared.axes] if declared else list(combinations(AXES, mobility))
-        values = {axes: _worth(G, J[[AXES.index(axis) for axis in axes]]) for axes in choices}
+        values = {axes: measure.of_point(q, name, [AXES.index(axis) for axis in axes]) for axes in choices}
         axes = max(values, key=lambda axes: values[axes])
         ranked.append((values[axes], EndEffector(frame=name, axes=axes)))
     return ranked
 
 
-def _worth(G: np.ndarray, J_E: np.ndarray) -> float:
-    A = np.vstack([G, J_E])
-    return float(pose.reciprocal_condition(A)) if np.abs(J_E).max() > pose.TOLERANCE else 0.0
+def followers(description: Description, model: pin.Model) -> list[str]:
+    """Frames that may be the end effector: the declared one, or the likely ones."""
+    return (
+        [description.end_effector.frame] if description.end_effector else _candidates(description, model)[:CANDIDATES]
+    )
 
 
 def _candidates(description: Description, model: pin.Model) -> list[str]:

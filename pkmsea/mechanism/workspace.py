@@ -33,31 +33,41 @@ class Workspace:
     direct: np.ndarray
 
 
-def reach(mechanism: Mechanism, direction: np.ndarray, far: float) -> float:
-    """How far the end effector gets from the seed along a direction [m], at most `far`; to 1e-4 of it.
+def reach(mechanism: Mechanism, direction: np.ndarray) -> float:
+    """How far the end effector gets from the seed along a direction [m, rad], within `extent`; to 1e-4 of it.
 
-    Ends at the workspace's border or at a joint limit of the URDF.
+    Ends at the workspace's border or at a joint limit of the URDF, if the seed keeps that.
     """
-    lower, upper = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    moving = np.abs(direction) > 0
+    far = float((extent(mechanism)[moving] / np.abs(direction[moving])).min())
+    lower = np.minimum(mechanism.model.lowerPositionLimit, mechanism.seed)
+    upper = np.maximum(mechanism.model.upperPositionLimit, mechanism.seed)
     end = mechanism.end_effector(mechanism.seed) + far * direction
-    return far * pose.walk(mechanism, end, lambda q: bool(np.all((q >= lower) & (q <= upper))))[1]
+    return far * pose.walk(mechanism, mechanism.seed, end, lambda q: bool(np.all((q >= lower) & (q <= upper))))[1]
 
 
-def size(mechanism: Mechanism) -> float:
-    """A length that the end effector cannot move [m]: the sum of all placements and strokes."""
-    lengths = [float(np.linalg.norm(placement.translation)) for placement in mechanism.model.jointPlacements]
-    lengths += [float(np.linalg.norm(frame.placement.translation)) for frame in mechanism.model.frames]
-    sliding = [joint for joint, turning in zip(mechanism.limits, mechanism.revolute, strict=True) if not turning]
-    return sum(lengths) + sum(min(joint.upper - joint.lower, STROKE) for joint in sliding)
+def extent(mechanism: Mechanism) -> np.ndarray:
+    """What each coordinate of the end effector cannot move beyond: the sum of all placements and strokes [m].
+
+    Where joints are followed, a turn [rad] or the stroke [m] of each.
+    """
+    model, follower = mechanism.model, mechanism.description.end_effector
+    strokes = np.minimum(model.upperPositionLimit - model.lowerPositionLimit, STROKE)
+    strokes = np.where(mechanism.revolute, 0.0, strokes)
+    if follower.joints:
+        own = np.where(mechanism.revolute, 2 * np.pi, strokes)
+        return own[[mechanism.joints.index(name) for name in follower.joints]]
+    lengths = [float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements]
+    lengths += [float(np.linalg.norm(frame.placement.translation)) for frame in model.frames]
+    return np.full(len(follower.axes), sum(lengths) + float(strokes.sum()))
 
 
 def workspace(mechanism: Mechanism) -> Workspace:
     """Flood the grid from the seed; the mechanism must have a planar end effector."""
     center = mechanism.end_effector(mechanism.seed)
-    far = size(mechanism)
     angles = np.linspace(0, 2 * np.pi, RAYS, endpoint=False)
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    ends = center + rays * np.array([reach(mechanism, ray, far) for ray in rays])[:, None]
+    ends = center + rays * np.array([reach(mechanism, ray) for ray in rays])[:, None]
     margin = 0.15 * np.ptp(ends, axis=0)
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     step = float((high - low).max()) / CELLS

@@ -55,7 +55,7 @@ def _follow(poses: Poses, y: np.ndarray) -> np.ndarray:
         strided = []
         for target in y.T[::stride]:
             following = single.close(q[:, None], target[:, None])
-            q = poses.mechanism.configuration(target) if following is None else following[:, 0]
+            q = pose.follow(poses.mechanism, target, detours=False) if following is None else following[:, 0]
             strided.append(q)
         found = poses.close(_between(np.array(strided), stride, count).T, y)
         if found is not None:

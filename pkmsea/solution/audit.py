@@ -18,7 +18,7 @@ PER_WINDOW = 400  # points per rest window, edges included
 BETWEEN_SINGULAR = 10  # grid points from one look at the distance to singularities to the next
 BALANCE = 1e-6  # largest relative residual of the power balance
 CLOSURE = 1e-8  # largest closure residual [m]
-WINDOW_EXCESS = 1e-9  # rounding, in a window's own units [m]
+WINDOW_EXCESS = 1e-9  # rounding, in a window's own units [m, rad]
 LIMIT_EXCESS = 1e-6  # rounding, relative to a limit's size
 IDLE = 1e-3  # share of the mechanical turnover below which an energy counts as zero
 
@@ -35,7 +35,7 @@ class Audit:
         that is more.
     gap : |claimed - value| / scale.
     closure : largest closure residual [m].
-    window : largest excess over a rest window at any instant [m]; zero or negative if kept.
+    window : largest excess over a rest window at any instant, in its own units [m, rad]; zero or negative if kept.
     limits : relative excess per limited quantity, e.g. {"tau A": -0.4}; negative if kept.
     balance : |integral of tau v_M less the power of friction, dampers, payload|, relative likewise; zero if periodic.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
@@ -91,7 +91,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
         ),
         (balance > BALANCE, f"the power balance is off by {balance:.1e}"),
         (closure > CLOSURE, f"the loops open by {closure:.1e} m"),
-        (window > WINDOW_EXCESS, f"a rest window is overstepped by {window:.1e} m"),
+        (window > WINDOW_EXCESS, f"a rest window is overstepped by {window:.1e} {mechanism.end_effector_unit}"),
         (not outside <= LIMIT_EXCESS, f"a spring is outside its bounds by {outside:.1e} of its value"),
         *((x > LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in limits.items()),
     ]

@@ -109,9 +109,9 @@ def _columns(problem: Problem, s: Series) -> list[tuple[str, str, str, np.ndarra
                 (f"tau_shaft_{name}", "N m", f"motor torque {of}, at its own shaft", s.tau[:, i] / ratio),
             ]
     followed = mechanism.description.end_effector
-    for k, (axis, name) in enumerate(zip(followed.coordinates, _names(list(followed.coordinates)), strict=True)):
-        turning = bool(followed.joints) and mechanism.revolute[mechanism.joints.index(axis)]
-        found.append((f"{name}_E", UNITS[turning][0], f"end effector, {axis}", s.r_E[:, k]))
+    named = zip(followed.coordinates, _names(list(followed.coordinates)), mechanism.end_effector_units, strict=True)
+    for k, (axis, name, unit) in enumerate(named):
+        found.append((f"{name}_E", unit, f"end effector, {axis}", s.r_E[:, k]))
     return [*found, ("power", "W", "electrical power on the common bus", s.power)]
 
 

@@ -69,11 +69,10 @@ def arrays_of(problem: Problem, motion: Motion) -> dict[str, Array]:
     """The labelled time series of a motion, its springs and its flat output."""
     actuation, mechanism = problem.actuation, problem.mechanism
     s = series(problem, motion, max(POINTS, PER_COEFFICIENT * motion.basis.size))
-    revolute = mechanism.revolute
     energy = np.cumsum(positive(s.power)) * problem.cycle.period / s.t.size
     parallel = motion.parallel
     described = {
-        "r_E": (("time", "axis"), s.r_E, "end-effector position", "m"),
+        "r_E": (("time", "axis"), s.r_E, "end-effector position", mechanism.end_effector_unit),
         "q": (("time", "joint"), s.q, "joint position", "rad or m, see joint_unit"),
         "v": (("time", "joint"), s.v, "joint velocity", "joint_unit per s"),
         "q_M": (("time", "drive"), s.q_M, "motor position (output side)", "rad or m"),
@@ -97,7 +96,7 @@ def arrays_of(problem: Problem, motion: Motion) -> dict[str, Array]:
         "joint": ("joint", mechanism.joints),
         "axis": ("axis", mechanism.description.end_effector.coordinates),
         "output": ("output", actuation.flat_outputs),
-        "joint_unit": ("joint", ["rad" if turning else "m" for turning in revolute]),
-        "force_unit": ("drive", ["N m" if revolute[i] else "N" for i in mechanism.actuated]),
+        "joint_unit": ("joint", mechanism.units),
+        "force_unit": ("drive", ["N m" if mechanism.revolute[i] else "N" for i in mechanism.actuated]),
     }
     return arrays | {name: Array((dim,), np.array(texts, object)) for name, (dim, texts) in labels.items()}

@@ -22,7 +22,8 @@ from pkmsea.actuation import Actuation
 from pkmsea.description import CompleteDescription, meshes, read
 from pkmsea.errors import InputError, blaming
 from pkmsea.files import is_file
-from pkmsea.mechanism import Mechanism, build_mechanism
+from pkmsea.mechanism import Mechanism, build_mechanism, plane
+from pkmsea.mechanism.model import build_model
 from pkmsea.motion import Motion
 from pkmsea.problem import build_problem
 from pkmsea.solution import netcdf
@@ -97,7 +98,8 @@ def changed(path: Path) -> str:
     if not is_file(source):
         return ""
     try:
-        same = description.fits(read(source))
+        said = read(source)
+        same = description.fits(plane.put_right(said, build_model(said)))
     except InputError:
         same = False
     return "" if same else f"{source} has changed since {path} was solved; the result keeps the mechanism as it was"

@@ -172,17 +172,3 @@ class Robot:
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v) + self.drives.inertia @ v_M**2 / 2
         potential = pin.computePotentialEnergy(self.model, self.data, q)
         return float(kinetic + potential + self.drives.spring_energy(q_M - q[self.at], q[self.at]))
-
-    def singularity(self, q: np.ndarray) -> tuple[float, float]:
-        """Reciprocal condition numbers of [G; J_E] and [G; S_A]: distances to singularities of type 1 and 2.
-
-        Rows of lengths are divided by the largest entry of [G; J_E], to compare with joints.
-        """
-        G = self.loops.at(self.data, q, np.zeros(self.n)).G
-        J_E = np.eye(self.n)[self.followed] if self.followed else self._end_effector()[0][self.axes]
-        A = np.vstack([G, J_E])
-        scale = np.abs(A).max()
-        inverse, direct = (
-            np.linalg.svd(matrix, compute_uv=False) for matrix in (A / scale, np.vstack([G / scale, self.on_joints.T]))
-        )
-        return float(inverse[self.n - 1] / inverse[0]), float(direct[self.n - 1] / direct[0])

@@ -33,7 +33,9 @@ class Loops:
         frame      that, and no relative rotation
         coupling   q_joint - ratio q_of - offset = 0
 
-    A plane is not used: rows across it are redundant and stay.
+    Of a declared plane, only what is constant across it is used: links that lie in layers beside each other, and frames
+    whose digits were rounded, do not open a loop. A `revolute` closure in a plane is a point. Rows across the plane are
+    redundant and stay.
     """
 
     mechanism: Mechanism
@@ -42,7 +44,25 @@ class Loops:
     def closures(self) -> list[tuple[Closure, int, int]]:
         """Each with its two frames."""
         model, closures = self.mechanism.model, self.mechanism.description.closures
+        if self.mechanism.description.plane is not None:
+            closures = tuple(c.model_copy(update={"type": "point"}) if c.type == "revolute" else c for c in closures)
         return [(c, frame_id(model, c.frames[0]), frame_id(model, c.frames[1])) for c in closures]
+
+    @cached_property
+    def layers(self) -> list[np.ndarray]:
+        """Per closure, the part of its residual that lies across the declared plane at the seed, and does so always."""
+        data, q = self.mechanism.model.createData(), self.mechanism.seed
+        _update(self.mechanism.model, data, q, np.zeros(q.size))
+        return [self._layer(data, *closure) for closure in self.closures]
+
+    def _layer(self, data: pin.Data, closure: Closure, first: int, second: int) -> np.ndarray:
+        Phi, plane = _closure(self.mechanism.model, data, closure, first, second).Phi, self.mechanism.description.plane
+        if plane is None:
+            return np.zeros_like(Phi)
+        normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
+        around = data.oMf[first].rotation.T @ normal
+        gap, turn = normal * (normal @ Phi[:3]), Phi[3:]
+        return np.concatenate([gap, turn - around * (around @ turn)] if turn.size else [gap])
 
     @cached_property
     def coupled(self) -> Constraint:
@@ -56,18 +76,22 @@ class Loops:
 
     def at(self, data: pin.Data, q: np.ndarray, v: np.ndarray) -> Constraint:
         """All constraints at a state."""
-        model = self.mechanism.model
-        pin.computeJointJacobians(model, data, q)
-        pin.forwardKinematics(model, data, q, v, np.zeros(q.size))
-        pin.updateFramePlacements(model, data)
-        coupled = self.coupled
+        model, coupled = self.mechanism.model, self.coupled
+        _update(model, data, q, v)
         parts = [Constraint(coupled.G @ q - coupled.Phi, coupled.G, coupled.bias)]
         parts += [_closure(model, data, *closure) for closure in self.closures]
+        constant = [np.zeros_like(coupled.Phi), *self.layers]
         return Constraint(
-            np.concatenate([part.Phi for part in parts]),
+            np.concatenate([part.Phi - layer for part, layer in zip(parts, constant, strict=True)]),
             np.vstack([part.G for part in parts]),
             np.concatenate([part.bias for part in parts]),
         )
+
+
+def _update(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> None:
+    pin.computeJointJacobians(model, data, q)
+    pin.forwardKinematics(model, data, q, v, np.zeros(q.size))
+    pin.updateFramePlacements(model, data)
 
 
 def _closure(model: pin.Model, data: pin.Data, closure: Closure, first: int, second: int) -> Constraint:

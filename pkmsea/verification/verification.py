@@ -11,6 +11,7 @@ from scipy.integrate import simpson
 
 from pkmsea.actuation.cost import ENERGY, positive
 from pkmsea.errors import one_line
+from pkmsea.mechanism import pose
 from pkmsea.problem import Bound, Cost
 from pkmsea.solution import Solution
 from pkmsea.solution.audit import IDLE
@@ -44,15 +45,15 @@ class Verification:
     in_cycles : the same in the last of the whole cycles, the feedback's torque included.
     gap : the larger difference of these two to `value`, relative to it, or to IDLE of the drives' turnover
         where that is more.
-    end_effector, motors : largest deviation in a segment, [m] and [rad, m].
+    end_effector, motors : largest deviation in a segment [m, rad].
     deviations : largest deviation of each stored series from the simulated one in a segment, relative to its range;
         'flat_output' compares the stored coefficients with the stored series.
     closure : largest closure residual of all replays [m, rad].
     balance : |work of motors, friction and payload - change of mechanical energy| over the cycles, relative like `gap`.
-    periodicity : largest change of the end effector from cycle to cycle [m].
+    periodicity : largest change of the end effector from cycle to cycle [m, rad].
     feedback, feedback_energy : largest torque of the feedback relative to the peak torque, and the energy that it
         moves relative to the drives' turnover.
-    window : largest excess over a rest window in the cycles [m]; negative if kept.
+    window : largest excess over a rest window in the cycles [m, rad]; negative if kept.
     limits : relative excess per limited quantity in the cycles; negative if kept.
     inverse, direct : smallest distance to singularities of type 1 and 2, in [0, 1].
     resolution : error, relative to the peak torque, at which every second torque sample predicts those in between.
@@ -117,7 +118,7 @@ def verify(source: Solution | str | Path) -> Verification:
     in_cycles = long.cost(cost, actuation, slice(starts[-2], starts[-1] + 1))
     idle = IDLE * float(np.abs(short.u * short.v[:, robot.at]).sum(axis=1).mean()) * said.period
     scale = cost.scale(said.value, idle)
-    inverse, direct = np.min([robot.singularity(q) for q in short.q], axis=0)
+    inverse, direct = (float(distance.min()) for distance in pose.singularity(robot.mechanism, short.q))
     measured: dict[str, Any] = {
         "value": said.value,
         "simulated": simulated,
@@ -132,8 +133,8 @@ def verify(source: Solution | str | Path) -> Verification:
         **_feedback(whole, long),
         "window": _window_excess(said, long),
         "limits": {f"{b.quantity} {b.name}": _limit_excess(b, long) for b in said.problem.bounds},
-        "inverse": float(inverse),
-        "direct": float(direct),
+        "inverse": inverse,
+        "direct": direct,
         "resolution": said.resolution,
         "optimality": said.solution.optimality(),
     }
@@ -188,16 +189,18 @@ def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:
     checks = [
         (found["gap"] <= SAME_VALUE, "the result prints {value:.5g} {unit}, its torque needs {simulated:.5g} {unit} "
          "in segments and {in_cycles:.5g} {unit} in whole cycles"),
-        (found["end_effector"] <= END_EFFECTOR * extent, "the end effector deviates by {end_effector:.1e} m"),
+        (found["end_effector"] <= END_EFFECTOR * extent, "the end effector deviates by {end_effector:.1e} {r_E}"),
         (not deviating, f"these series of the result do not follow from its torque: {', '.join(deviating)}"),
         (found["closure"] <= CLOSURE, "the loops open by {closure:.1e} m"),
         (found["balance"] <= BALANCE, "the simulation's power balance is off by {balance:.1e}"),
-        (found["periodicity"] <= PERIODICITY * extent, "after a cycle the end effector is off by {periodicity:.1e} m"),
+        (found["periodicity"] <= PERIODICITY * extent,
+         "after a cycle the end effector is off by {periodicity:.1e} {r_E}"),
         (found["feedback"] <= FEEDBACK, "holding the motion takes {feedback:.1e} of the peak torque"),
-        (found["window"] <= WINDOW_EXCESS * deviation, "a rest window is overstepped by {window:.1e} m"),
+        (found["window"] <= WINDOW_EXCESS * deviation, "a rest window is overstepped by {window:.1e} {r_E}"),
         (found["resolution"] <= RESOLUTION, "the samples are too coarse for the torque (off by {resolution:.1e})"),
         *((x <= LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in found["limits"].items()),
     ]  # fmt: skip
-    faults = [text.format(unit=said.problem.cost.unit, **found) for kept, text in checks if not kept]
+    told = {"unit": said.problem.cost.unit, "r_E": said.problem.mechanism.end_effector_unit, **found}
+    faults = [text.format(**told) for kept, text in checks if not kept]
     faults += [f"by the result's own audit, {fault}" for fault in said.solution.faults]
     return tuple(faults)

@@ -20,6 +20,7 @@ from pkmsea.solution import Solution
 
 COLORS = ("#444444", "#1f77b4", "#d1495b", "#3a9d5d", "#8e6bbf", "#e08e2b")
 DRIVE_STYLES = ("-", "--", ":", "-.")
+FORCES = {"rad": "N m", "m": "N"}  # by the unit of a position
 FORMATS = (".png", ".pdf", ".svg")
 NEAR_SINGULAR = 0.02  # reciprocal condition number that is drawn for redundant drives, which rarely reach zero
 
@@ -51,8 +52,8 @@ def overview(solutions: Sequence[Solution], failed: Sequence[str] = ()) -> Figur
 
 
 def _same_unit(solutions: Sequence[Solution]) -> bool:
-    mechanisms = [solution.problem.actuation.mechanism for solution in solutions]
-    return len({mechanism.revolute[mechanism.actuated[0]] for mechanism in mechanisms}) == 1
+    mechanisms = [solution.problem.mechanism for solution in solutions]
+    return len({mechanism.units[i] for mechanism in mechanisms for i in mechanism.actuated}) == 1
 
 
 def path_panel(axes: Any, solutions: Sequence[Solution]) -> None:
@@ -73,8 +74,17 @@ def path_panel(axes: Any, solutions: Sequence[Solution]) -> None:
         axes.plot(*r_E.T, color=color, label=solution.label, lw=1.4)
     for point in problem.cycle.points:
         axes.plot(*point.at, "ks", ms=4)
-    axes.set(xlabel="x_E [m]", ylabel="y_E [m]", title="End-effector path", aspect="equal")
+    horizontal, vertical = coordinates(solutions[0])
+    axes.set(xlabel=horizontal, ylabel=vertical, title="End-effector path", aspect="equal")
     axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=len(solutions), frameon=False)
+
+
+def coordinates(solution: Solution) -> list[str]:
+    """Names of r_E's coordinates with their units: 'x_E [m]', or a joint's own name."""
+    mechanism = solution.problem.mechanism
+    follower = mechanism.description.end_effector
+    names = follower.joints or [f"{axis}_E" for axis in follower.axes]
+    return [f"{name} [{unit}]" for name, unit in zip(names, mechanism.end_effector_units, strict=True)]
 
 
 def _axis_over_time(axes: Any, solutions: Sequence[Solution]) -> None:
@@ -90,7 +100,8 @@ def _axis_over_time(axes: Any, solutions: Sequence[Solution]) -> None:
             if end >= start:
                 corner = (start, w.at - w.deviation)
                 axes.add_patch(Rectangle(corner, end - start, 2 * w.deviation, color="k", lw=2))
-    axes.set(xlabel="t [s]", ylabel="r_E [m]", title="End-effector position; rest windows in black")
+    followed = ", ".join(coordinates(solutions[0]))
+    axes.set(xlabel="t [s]", ylabel=followed, title="End-effector position; rest windows in black")
     axes.legend(fontsize=8)
 
 
@@ -135,7 +146,7 @@ def position_panel(axes: Any, solution: Solution) -> None:
         axes.plot(s.t, s.q[:, actuation.mechanism.actuated[i]], color=color, label=f"{label} joint", lw=1.3)
         if i in solution.motion.springs:
             axes.plot(s.t, s.q_M[:, i], "--", color=color, label=f"{label} motor", lw=1.1)
-    unit = "rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "m"
+    unit = ", ".join(dict.fromkeys(actuation.mechanism.units[i] for i in actuation.mechanism.actuated))
     axes.set(xlabel="t [s]", ylabel=f"q_A, q_M [{unit}]", title=f"{solution.label}: positions")
     axes.legend(fontsize=7, ncols=2)
 
@@ -145,7 +156,7 @@ def torque_panel(axes: Any, solution: Solution) -> None:
     s, actuation = solution.series, solution.problem.actuation
     for i, label in enumerate(actuation.labels):
         axes.plot(s.t, s.tau[:, i], color=COLORS[1 + i % (len(COLORS) - 1)], label=label, lw=1.2)
-    unit = "N m" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "N"
+    unit = ", ".join(dict.fromkeys(FORCES[actuation.mechanism.units[i]] for i in actuation.mechanism.actuated))
     axes.axhline(0, color="k", lw=0.6)
     axes.set(xlabel="t [s]", ylabel=f"tau [{unit}]", title=f"{solution.label}: motor torque")
     axes.legend(fontsize=7, ncols=3)

@@ -221,13 +221,13 @@ def _shift(x: float, y: float, z: float) -> np.ndarray:
 
 def _caption(solution: Solution) -> str:
     actuation = solution.problem.actuation
-    unit = "N m/rad" if actuation.mechanism.revolute[actuation.mechanism.actuated[0]] else "N/m"
-    springs = ", ".join(f"{actuation.labels[i]} {c:.4g}" for i, c in solution.motion.springs.items())
+    units = ["N m/rad" if actuation.mechanism.revolute[i] else "N/m" for i in actuation.mechanism.actuated]
+    springs = ", ".join(f"{actuation.labels[i]} {c:.4g} {units[i]}" for i, c in solution.motion.springs.items())
     energy = solution.cost.show(solution.value)
     lines = [
         f"<b>{html.escape(solution.label)}</b>",
         f"{energy} per cycle of {solution.problem.cycle.period:g} s, {html.escape(solution.status)}",
-        f"springs [{unit}]: {html.escape(springs)}" if springs else "rigid drives",
+        f"springs: {html.escape(springs)}" if springs else "rigid drives",
         f"played {SLOW_MOTION:g} times slower; blue: rotors, orange: springs",
     ]
     return "<br>".join(lines)

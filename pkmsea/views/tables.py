@@ -17,7 +17,7 @@ from rich.table import Table
 from pkmsea.actuation.cost import ENERGY, Cost
 from pkmsea.errors import SolveError
 from pkmsea.mechanism import Mechanism
-from pkmsea.mechanism.workspace import reach, size
+from pkmsea.mechanism.workspace import reach
 from pkmsea.paper import Row
 from pkmsea.solution import Solution
 from pkmsea.solver import Optimality, Start
@@ -99,7 +99,7 @@ def print_verifications(found: Mapping[str, Verification], failures: Mapping[str
     E, unit = (" or ".join(getattr(cost, key) for cost in costs) for key in ("symbol", "unit"))
     values = f"{E} [{unit}]", f"{E} simulated [{unit}]"
     for heading in (
-        "result", *values, "gap", "end effector [m]", "motors [rad, m]", "loops [m]", "balance",
+        "result", *values, "gap", "end effector [m, rad]", "motors [rad, m]", "loops [m, rad]", "balance",
         "feedback", "singularity", "KKT", "optimum", "status",
     ):  # fmt: skip
         table.add_column(heading, justify="left" if heading in ("result", "optimum", "status") else "right")
@@ -146,10 +146,10 @@ def print_rows(rows: Sequence[Row], failures: Mapping[tuple[int, str], SolveErro
 def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
     """What `check` tells, as plain data."""
     inverse, direct = mechanism.singularity(mechanism.seed)
-    start, far = mechanism.end_effector(mechanism.seed).round(9) + 0.0, size(mechanism)
+    start = mechanism.end_effector(mechanism.seed).round(9) + 0.0
     along = {}
     for axis, direction in zip(mechanism.description.end_effector.coordinates, np.eye(start.size), strict=True):
-        ends = [float(start @ direction) + sign * reach(mechanism, sign * direction, far) for sign in (-1, 1)]
+        ends = [float(start @ direction) + sign * reach(mechanism, sign * direction) for sign in (-1, 1)]
         along[axis] = [round(end, 3) + 0.0 for end in ends]
     return {
         "mechanism": mechanism.name,
@@ -168,6 +168,7 @@ def mechanism_record(mechanism: Mechanism) -> dict[str, Any]:
         "closure_residual": float(np.abs(mechanism.closure_residual(mechanism.seed)).max(initial=0.0)),
         "seed": dict(zip(mechanism.joints, (mechanism.seed.round(6) + 0.0).tolist(), strict=True)),
         "end_effector": (start.round(6) + 0.0).tolist(),
+        "end_effector_units": mechanism.end_effector_units,
         "H_A": mechanism.actuation_jacobian(mechanism.seed).round(6).tolist(),
         "singularity": {"inverse": inverse, "direct": direct},
         "workspace": along,
@@ -179,25 +180,28 @@ def print_mechanism(mechanism: Mechanism, record: dict[str, Any]) -> None:
     table = Table(title=mechanism.name, box=box.SIMPLE_HEAD, show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
-    axes = ", ".join(mechanism.description.end_effector.coordinates)
-    closures = ", ".join(record["closures"]) or "none"
+    follower, units = mechanism.description.end_effector, record["end_effector_units"]
+    at = ", ".join(f"{x:.4g} {unit}" for x, unit in zip(record["end_effector"], units, strict=True))
+    closures = ", ".join(record["closures"])
     drives = ", ".join(record["actuated"])
     matrix = "\n".join("  ".join(f"{x:9.4f}" for x in row) for row in record["H_A"])
-    reached = "; ".join(f"{axis} from {low:g} to {high:g} m" for axis, (low, high) in record["workspace"].items())
+    reached = "; ".join(
+        f"{axis} from {low:g} to {high:g} {unit}"
+        for (axis, (low, high)), unit in zip(record["workspace"].items(), units, strict=True)
+    )
     lines = {
         "mobility": f"{record['mobility']} ({record['actuation_class']}: {len(record['actuated'])} drives)",
         "joints": ", ".join(record["joints"]),
-        "closures": f"{closures} (residual {record['closure_residual']:.1e} m)",
+        "closures": f"{closures} (residual {record['closure_residual']:.1e} m, rad)" if closures else "none",
         "couplings": ", ".join(record["couplings"]),
         "locked": ", ".join(f"{k} at {v:.4g}" for k, v in record["locked"].items()),
         "drives": drives,
         "independent": f"{', '.join(record['independent'])} (conditioning {record['conditioning']:.2g})",
         "seed pose": ", ".join(f"{k} {v:.4g}" for k, v in record["seed"].items()),
-        "end effector": f"{mechanism.description.end_effector.frame} ({axes}) at "
-        + ", ".join(f"{x:.4g}" for x in record["end_effector"]) + " m",
+        "end effector": f"{follower.frame} ({', '.join(follower.coordinates)}) at {at}",
         "H_A at the seed": matrix,
         "singularity distance": f"inverse {record['singularity']['inverse']:.3f}, "
-        f"direct {record['singularity']['direct']:.3f} (1 is isotropic, 0 singular)",
+        f"direct {record['singularity']['direct']:.3f} (0 is singular, 1 the most)",
         "workspace from seed": reached,
         "read from": ", ".join(record["conventions"]),
         "proposed": ", ".join(record["proposed"]),

@@ -6,11 +6,16 @@ BESIDE    YAML files beside the tree     gepetto        robot.yaml of example-pa
 FORMATS   files of links and joints      mjcf           compiled by MuJoCo
           other than URDF                xacro          expanded first
 MARKS     marks in a URDF                urdfplus       <loop> and independent= of a URDF+
+                                         constraint     <constraint> as proposed for urdfdom in 2026
+                                         loop_joint     <loop_joint> of Isaac Sim and of old Drake
+                                         drake          <drake:ball_constraint>
+                                         gazebo         <gazebo><joint>
                                          onshape        closing_*_1/_2 frames of onshape-to-robot
                                          mimic          <mimic> joints
                                          transmission   <transmission> elements: which joints have drives
 
-Where two say the same key, the sidecar goes before the tree, and an earlier mark before a later one.
+Where two say the same key, the sidecar goes before the tree, and an earlier mark before a later one; loops, frames and
+couplings of several marks come together.
 """
 
 from __future__ import annotations
@@ -19,7 +24,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from pkmsea.description.conventions import gepetto, mimic, mjcf, onshape, transmission, urdfplus, xacro
+from pkmsea.description.conventions import (
+    constraint,
+    drake,
+    gazebo,
+    gepetto,
+    loop_joint,
+    mimic,
+    mjcf,
+    onshape,
+    transmission,
+    urdfplus,
+    xacro,
+)
 from pkmsea.description.xml import Element
 
 
@@ -47,13 +64,17 @@ class Format(Protocol):
 
 
 class Mark(Protocol):
-    """What a URDF may say beyond the tree; `read` returns sidecar keys, none where the URDF is plain."""
+    """What a URDF may say beyond the tree; `read` returns sidecar keys and `notes`, none where the URDF is plain.
+
+    TAGS are the elements of <robot> that it reads; others are refused, see `pkmsea.description.elements`.
+    """
 
     LABEL: str
+    TAGS: tuple[str, ...]
 
     def read(self, root: Element, file: Path) -> dict[str, Any]: ...
 
 
 BESIDE: tuple[Beside, ...] = (gepetto,)
 FORMATS: tuple[Format, ...] = (mjcf, xacro)
-MARKS: tuple[Mark, ...] = (urdfplus, onshape, mimic, transmission)
+MARKS: tuple[Mark, ...] = (urdfplus, constraint, loop_joint, drake, gazebo, onshape, mimic, transmission)

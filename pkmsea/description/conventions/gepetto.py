@@ -1,4 +1,4 @@
-"""Gepetto's example-parallel-robots: `closed_loop`, `type` and `name_mot` in a robot.yaml beside the URDF."""
+"""Gepetto's example-parallel-robots: a robot.yaml with `closed_loop`, `type`, `name_mot` and `joint_type`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pkmsea.errors import InputError
 
 NAME = "robot.yaml"
 LABEL = "robot.yaml of example-parallel-robots"
+FIXED = "FIXED"
 TYPES = {"3d": "point", "6d": "frame"}
 
 
@@ -47,6 +48,33 @@ def read(data: dict[str, Any], file: Path) -> dict[str, Any]:
     data["closures"] = [
         {"frames": pair, "type": TYPES[str(kind).lower()]} for pair, kind in zip(pairs, types, strict=True)
     ]
+    if fixed := _types(data, file):
+        data["locked"] = fixed | data.get("locked", {})
     if "name_mot" in data:
         data["actuated"] = data.pop("name_mot")
     return data
+
+
+def _types(data: dict[str, Any], file: Path) -> dict[str, float]:
+    """Joints that the loader of this convention fixes. Those that it makes balls of may not stay hinges unnoticed.
+
+    Raises
+    ------
+    InputError : a joint becomes one of several coordinates; names it.
+    """
+    names, types = (data.pop(key, None) or [] for key in ("joint_name", "joint_type"))
+    if not (isinstance(names, list) and isinstance(types, list) and len(names) == len(types)):
+        raise InputError(
+            "There must be one type per name.", "Give two lists.", file=file, key="joint_type", value=types
+        )
+    for i, (name, kind) in enumerate(zip(names, types, strict=True)):
+        if kind != FIXED:
+            raise InputError(
+                f"The joint '{name}' is of type {kind}, of which the URDF has one hinge only; read as that hinge this "
+                "would be another mechanism. Ball and universal joints are not read yet.",
+                "Write it into the URDF as hinges with light links between, and take both keys out.",
+                file=file,
+                key=f"joint_type.{i}",
+                value=kind,
+            )
+    return dict.fromkeys(names, 0.0)

@@ -9,6 +9,7 @@ from typing import Any
 from pkmsea.description.xml import Element
 from pkmsea.errors import MechanismError
 
+TAGS: tuple[str, ...] = ()
 LABEL = "closing_*_1/_2 frames of onshape-to-robot"
 FRAME = re.compile(r"(closing_.+)_([12])")
 
