@@ -46,7 +46,7 @@ def clean(root: Element, file: Path, locked: dict[str, float]) -> list[str]:
     if lossy := [f"'{name}'" for name, joint in joints.items() if _has_dynamics(joint)]:
         which = f"joint {lossy[0]}" if len(lossy) == 1 else f"joints {', '.join(lossy)}"
         notes.append(f"{which}: friction, damping and armature are not read; drives state theirs in the task")
-    for name, joint in joints.items():
+    for joint in joints.values():
         _complete_limit(joint)
     notes += _inertia_notes(root, file)
     for element in [root, *root.findall("link"), *root.findall("joint")]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,11 +50,13 @@ def joint_limits(joint: Element, file: Path) -> JointLimits:
     return JointLimits(**ends, **most, continuous=continuous)
 
 
-def placeholder_notes(joints: Iterable[Element], actuated: Iterable[str] | None, file: Path) -> list[str]:
-    """A note on the numbers that stand for no limit; effort counts at the `actuated` joints, where they are known."""
+def placeholder_notes(root: Element, locked: Container[str], actuated: Container[str] | None, file: Path) -> list[str]:
+    """A note on the numbers that stand for no limit of the joints that move, those of effort at `actuated` joints."""
     found: dict[str, list[str]] = {}
-    for joint in joints:
+    for joint in root.findall("joint"):
         name, said = joint.get("name", ""), _said(joint, file)
+        if joint.get("type") == "fixed" or name in locked:
+            continue
         dropped = [f"{key} {said[key]:g}" for key in LARGEST if key in said and not 0 < said[key] < ENDLESS]
         if actuated is not None and name not in actuated:
             dropped = [text for text in dropped if not text.startswith("effort")]

@@ -28,8 +28,7 @@ def read(source: str | Path) -> Description:
     """
     said = read_source(find(source))
     draft = said.draft
-    moving = [joint for joint in said.root.findall("joint") if joint.get("type") != "fixed"]
-    placeholders = placeholder_notes([j for j in moving if j.get("name") not in draft.locked], draft.actuated, said.tree)
+    placeholders = placeholder_notes(said.root, draft.locked, draft.actuated, said.tree)
     notes = [*said.notes, *placeholders, *clean(said.root, said.tree, draft.locked)]
     text = etree.tostring(said.root, encoding="unicode")
     _validate(text, said.tree)

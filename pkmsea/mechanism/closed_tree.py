@@ -91,6 +91,12 @@ class ClosedTree:
         return ", ".join(dict.fromkeys(self.end_effector_units))
 
     @cached_property
+    def turnable(self) -> list[bool]:
+        """Whether a whole turn of each joint leaves the pose as it is (n): it turns, and is coupled to no other."""
+        coupled = {name for c in self.description.couplings for name in (c.joint, c.of)}
+        return [turns and name not in coupled for name, turns in zip(self.joints, self.revolute, strict=True)]
+
+    @cached_property
     def limits(self) -> list[JointLimits]:
         """Of each joint (n)."""
         limits = self.description.limits
