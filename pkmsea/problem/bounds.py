@@ -19,6 +19,7 @@ DRIVES = {"torque": "tau", "speed": "speed"}  # by key of a drive
 TURN = 2 * np.pi  # [rad]
 KEYS = ("position", "velocity", "acceleration")
 POSED = 1e-9  # of a limit's size: rounding of a pose
+TINY = 1e-12  # keeps ratios finite where nothing moves
 TOUCHING = 1e-4  # of a limit's size: a signal that comes so near is at its limit
 
 
@@ -52,21 +53,24 @@ class Bound:
         """Of the time derivative that it limits."""
         return next((names.index(self.quantity) for names in MOTIONS.values() if self.quantity in names), 0)
 
+    def sizes(self, values: np.ndarray) -> np.ndarray:
+        """What an excess over the lower and the upper limit is relative to: that limit, or the range of the signal
+        where that is larger (2,)."""
+        limits = np.abs([self.lower, self.upper])
+        return np.maximum(np.where(np.isfinite(limits), limits, 0.0), max(float(np.ptp(values)), TINY))
+
+    def excesses(self, values: np.ndarray) -> np.ndarray:
+        """Largest excess of a signal over the lower and the upper limit, relative to their sizes; negative if kept."""
+        return np.array([self.lower - values.min(), values.max() - self.upper]) / self.sizes(values)
+
     def excess(self, values: np.ndarray) -> float:
-        """Largest excess of a signal, relative to the limit's size; negative if kept."""
-        return max(value for _, _, value in self.sides(values))
+        """The larger one."""
+        return float(self.excesses(values).max())
 
     def touched(self, values: np.ndarray) -> list[str]:
         """The sides that a signal reaches, such as 'dq A <= 3'."""
-        return [f"{self.label} {sign} {at:.4g}" for sign, at, excess in self.sides(values) if excess >= -TOUCHING]
-
-    def sides(self, values: np.ndarray) -> Iterator[tuple[str, float, float]]:
-        """Sign, limit, and relative excess of each finite side; its size is its own or the signal's range."""
-        span = max(float(np.ptp(values)), np.finfo(float).tiny)
-        over = self.lower - values.min(), values.max() - self.upper
-        for sign, at, excess in zip((">=", "<="), (self.lower, self.upper), over, strict=True):
-            if np.isfinite(at):
-                yield sign, at, float(excess) / max(abs(at), span)
+        sides = f"{self.label} >= {self.lower:.4g}", f"{self.label} <= {self.upper:.4g}"
+        return [side for side, excess in zip(sides, self.excesses(values), strict=True) if excess >= -TOUCHING]
 
 
 def bounds_of(actuation: Actuation, limits: TaskLimits) -> tuple[Bound, ...]:

@@ -18,7 +18,6 @@ CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that 
 FINISHED = 4  # starts at least that go on
 AGREEING = 8  # starts that find one optimum between them are enough
 ROUNDS = 5  # of solving with more limits, at most
-KEPT = 1e-7  # of a limit's size: overstepped by no more
 NEAR = 0.2  # of a limit's size: what comes so near goes into the NLP with those that are overstepped
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
@@ -101,7 +100,7 @@ def improve(
             point = solve_nlp(nlp, options, range(nlp.steps)[steps] or range(nlp.steps)[LAST], warm)
             iterations += sum(point.iterations)
             claimed = transcription.claimed(point.x) if point.usable else np.inf
-            over = transcription.near_limits(point.x, -KEPT) if point.usable else ()
+            over = transcription.near_limits(point.x, 0.0) if point.usable else ()
             near = transcription.near_limits(point.x, NEAR) if over else ()
         except FloatingPointError:
             return Start(index, Outcome.STALLED, None, np.inf, (), iterations, time.perf_counter() - begin, limited)

@@ -14,6 +14,9 @@ from pkmsea.problem import Bound, Problem
 DEGREE = 5  # of the periodic spline through instants
 NEWTON = 3  # steps to where its derivative vanishes
 FINER = 4  # instants per sample
+SHARE = 0.02  # of a limit's width, and of its signal's range: what a trajectory far from the solution may ask for
+FAR = 10.0  # times the range of a signal
+SLACK = 5e-7  # of a limit's size: what is left of changes from one trajectory to the next
 
 
 def beyond(values: np.ndarray) -> np.ndarray:
@@ -66,3 +69,16 @@ def extremes(problem: Problem, motion: Motion, bounds: Sequence[Bound], samples:
             sides.append(sign * np.maximum(sign * own, highest[reach % values.size].max(axis=1)))
         found.append(np.array(sides))
     return found
+
+
+def room(bound: Bound, values: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """What the lower and the upper limit must leave at each sample (2, samples), and SLACK with it.
+
+    `values` (samples,) are those of an NLP, `ends` (2, samples) their `extremes`. Minus infinity where a limit is so FAR
+    that the NLP need not hold it.
+    """
+    sizes, span = bound.sizes(values), float(np.ptp(values))
+    out = np.array([values - ends[0], ends[1] - values])
+    needed = np.clip(out, 0.0, SHARE * min(bound.upper - bound.lower, span)) + SLACK * sizes[:, None]
+    needed[bound.excesses(values) * sizes < -FAR * span] = -np.inf
+    return needed

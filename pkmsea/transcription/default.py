@@ -15,7 +15,7 @@ from pkmsea.problem import Bound, Problem
 from pkmsea.task.task import Trajectory
 from pkmsea.transcription import guess
 from pkmsea.transcription.base import Transcription
-from pkmsea.transcription.between import FINER, beyond, exact, extremes
+from pkmsea.transcription.between import FINER, beyond, exact, extremes, room
 from pkmsea.transcription.flat import FlatNlp
 from pkmsea.transcription.nlp import Nlp
 
@@ -59,17 +59,14 @@ class FlatTranscription(Transcription):
         return flat.nlp(x, self._room(flat, [*seen, x]))
 
     def _room(self, flat: FlatNlp, trajectories: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """What the signals of trajectories need between the samples, and beside what they are there: the most of it."""
-        room = [np.full((2, self.samples), -np.inf) * [[-1.0], [1.0]] for _ in flat.bounds]
-        for x in trajectories if room else ():
+        """What the limits leave between the samples, as any of the trajectories needs it; see `between.room`."""
+        found = [np.full((2, self.samples), -np.inf) for _ in flat.bounds]
+        for x in trajectories if found else ():
             flat.robot.start(x)
-            for (low, high), bound, (least, most) in zip(
-                room, flat.bounds, extremes(self.problem, self.motion(x), flat.bounds, self.samples), strict=True
-            ):
-                values = flat.signal(x, bound)
-                np.minimum(low, least - values, out=low)
-                np.maximum(high, most - values, out=high)
-        return room
+            sides = extremes(self.problem, self.motion(x), flat.bounds, self.samples)
+            needed = [room(bound, flat.signal(x, bound), ends) for bound, ends in zip(flat.bounds, sides, strict=True)]
+            found = [np.maximum(a, b) for a, b in zip(found, needed, strict=True)]
+        return found
 
     def claimed(self, x: np.ndarray) -> float:
         self._free.robot.start(x)

@@ -108,10 +108,10 @@ class FlatNlp:
         """All limits that the NLP holds, in the order of their rows."""
         return [*(bound for bound, _ in self.rows.limits), *self.limited]
 
-    def nlp(self, guess: np.ndarray, room: Sequence[np.ndarray]) -> Nlp:
+    def nlp(self, guess: np.ndarray, room: Sequence[np.ndarray] | None = None) -> Nlp:
         """The NLP around a first trajectory, whose poses are found by continuation.
 
-        `room` is what signals need between the samples, below and above, of each of the `bounds` (2, samples).
+        `room` is what each of the `bounds` leaves at the samples for what is between them (2, samples); by default none.
         """
         self.robot.start(guess)
         variables = self._variables(guess)
@@ -153,13 +153,13 @@ class FlatNlp:
                 "nlp_hess_l", [*given, *multipliers], [("triu_hess_gamma_x_x", pattern.hessian)], second
             ),
         }
-        lower, upper = self._boxes(room)
+        lower, upper = self._boxes(room or [np.zeros((2, self.robot.samples)) for _ in self.bounds])
         return Nlp(variables, lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
 
     def _boxes(self, room: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper sides of the constraints."""
         lower, upper = self.rows.lower.copy(), self.rows.upper.copy()
-        boxes = [(bound.lower - low, bound.upper - high) for bound, (low, high) in zip(self.bounds, room, strict=True)]
+        boxes = [(bound.lower + low, bound.upper - high) for bound, (low, high) in zip(self.bounds, room, strict=True)]
         linear = len(self.rows.limits)
         for (_, at), (low, high) in zip(self.rows.limits, boxes[:linear], strict=True):
             lower[at], upper[at] = low, high
