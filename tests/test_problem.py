@@ -219,4 +219,4 @@ def test_public_objects_have_short_reprs(solved: Solution, tmp_path: Path) -> No
     for name, instance in instances.items():
         assert isinstance(instance, getattr(pkmsea, name)), name
         assert len(repr(instance)) < SHORT and "\n" not in repr(instance), repr(instance)
-    assert repr(problem) == "<Problem 'setup': pkm_3rrr, drives: 3 sea, 2 points in 1 s, 3 bounds>"
+    assert repr(problem) == "<Problem 'setup': pkm_3rrr, drives: 3 sea, 2 points in 1 s, 18 bounds>"

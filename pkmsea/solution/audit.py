@@ -11,7 +11,7 @@ from pkmsea.actuation.signals import losses
 from pkmsea.errors import one_line
 from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
-from pkmsea.motion import Motion, Series, series
+from pkmsea.motion import Motion, Series, series, turns
 from pkmsea.problem import Problem
 from pkmsea.problem.bounds import TOUCHING
 
@@ -92,6 +92,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     limits = {bound.label: bound.excess(values) for bound, values in signals.items()}
     touched = [side for bound, values in signals.items() for side in bound.touched(values)]
     binding = (*touched, *_springs_at_bounds(problem, motion))
+    stays = turns.fault(actuation, problem.ranges, s.gain)
     checks = [
         (
             gap > problem.options.energy_tolerance,
@@ -100,6 +101,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
         (balance > BALANCE, f"the power balance is off by {balance:.1e}"),
         (closure > CLOSURE, f"the loops open by {closure:.1e} m"),
         (window > WINDOW_EXCESS, f"a rest window is overstepped by {window:.1e} {mechanism.end_effector_unit}"),
+        (bool(stays), stays),
         (not outside <= LIMIT_EXCESS, f"a spring is outside its bounds by {outside:.1e} of its value"),
         *((x > LIMIT_EXCESS, f"the limit of {name} is overstepped by {x:.1%}") for name, x in limits.items()),
     ]

@@ -74,8 +74,8 @@ def extremes(problem: Problem, motion: Motion, bounds: Sequence[Bound], samples:
 def room(bound: Bound, values: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """What the lower and the upper limit must leave at each sample (2, samples), and SLACK with it.
 
-    `values` (samples,) are those of an NLP, `ends` (2, samples) their `extremes`. Minus infinity where a limit is so FAR
-    that the NLP need not hold it.
+    `values` (samples,) are those of an NLP, `ends` (2, samples) their `extremes`. Minus infinity where a limit is FAR
+    off, so that the NLP need not hold it.
     """
     sizes, span = bound.sizes(values), float(np.ptp(values))
     out = np.array([values - ends[0], ends[1] - values])

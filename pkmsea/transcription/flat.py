@@ -45,7 +45,7 @@ class FlatNlp:
             else m * DRIVES.index(bound.quantity) + bound.index
             for bound in self.limited
         ]
-        self.robot = RobotOnGrid(problem.actuation, basis, samples, joints)
+        self.robot = RobotOnGrid(problem, basis, samples, joints)
         self._signals = SignalsOnGrid(problem.actuation, problem.cost, self.robot.z, len(joints), self._columns)
         self.rows: LinearRows = linear_rows(problem, basis, samples, self.robot.size)
         self._pattern = Pattern(self.robot, self.rows, len(self._columns))
@@ -111,7 +111,7 @@ class FlatNlp:
     def nlp(self, guess: np.ndarray, room: Sequence[np.ndarray] | None = None) -> Nlp:
         """The NLP around a first trajectory, whose poses are found by continuation.
 
-        `room` is what each of the `bounds` leaves at the samples for what is between them (2, samples); by default none.
+        `room` is what each of the `bounds` leaves at the samples for what is between them (2, samples).
         """
         self.robot.start(guess)
         variables = self._variables(guess)

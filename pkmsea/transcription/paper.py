@@ -64,7 +64,7 @@ class PaperTranscription(Transcription):
         )
         self.size = self.basis.size
         self.t = np.arange(self.samples) * period / self.samples
-        self.robot = RobotOnGrid(problem.actuation, self.basis, self.samples)
+        self.robot = RobotOnGrid(problem, self.basis, self.samples)
         self.delta, self.m = self.robot.delta, self.robot.m
         self._build()
 
@@ -169,6 +169,8 @@ class PaperTranscription(Transcription):
 
     def start(self, rng: np.random.Generator | None) -> np.ndarray:
         flat = guess.start(self.problem, self.robot, rng)
+        if self.robot.gain.any():
+            raise FloatingPointError("a joint turns round, which the paper's transcription does not know")
         self.robot.start(flat)
         coefficients, theta = self.robot.split(flat)
         parts: dict[str, np.ndarray] = {"theta": theta if theta.size else np.zeros(1)}

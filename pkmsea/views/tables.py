@@ -90,7 +90,11 @@ def print_solutions(
         )  # fmt: skip
     for name, error in failures.items():
         table.add_row(name, *"-------", failure_status(error))
-    console().print(table)
+    out = console()
+    out.print(table)
+    for s in solutions:
+        if s.turns:
+            out.print(f"{s.name}: joint {', '.join(s.turns.values())} per cycle")
 
 
 def print_verifications(found: Mapping[str, Verification], failures: Mapping[str, SolveError]) -> None:
