@@ -13,6 +13,7 @@ from pkmsea.motion import Basis
 from pkmsea.motion.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.transcription.nlp import Nlp
+from pkmsea.transcription.relaxed import Side
 
 
 class Transcription(ABC):
@@ -86,6 +87,11 @@ class Transcription(ABC):
         None by default: where the NLP holds all limits as far as it can.
         """
         return ()
+
+    def relaxed(self, x: np.ndarray, limited: Collection[str]) -> tuple[Nlp, list[Side]] | None:
+        """The NLP around x with limits that may be widened, and their sides, whose shares follow x among its variables;
+        None where there is none. See `pkmsea.transcription.relaxed`."""
+        return None
 
     def refined(self) -> Transcription | None:
         """The same on twice as fine a mesh; None where there is none."""

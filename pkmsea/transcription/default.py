@@ -18,6 +18,7 @@ from pkmsea.transcription.base import Transcription
 from pkmsea.transcription.between import FINER, beyond, exact, extremes, room
 from pkmsea.transcription.flat import FlatNlp
 from pkmsea.transcription.nlp import Nlp
+from pkmsea.transcription.relaxed import Side, relaxed
 
 PER_KNOT = 4  # grid points per knot: the motors' coordinates vary faster than the flat output
 FEWEST_SAMPLES = 200
@@ -51,12 +52,21 @@ class FlatTranscription(Transcription):
     def start(self, rng: np.random.Generator | None) -> np.ndarray:
         return guess.start(self.problem, self._free.robot, rng)
 
+    def relaxed(self, x: np.ndarray, limited: Collection[str]) -> tuple[Nlp, list[Side]] | None:
+        flat = self._flat(limited)
+        nlp = flat.nlp(x, self._room(flat, [x]))
+        sides = flat.sides(x)
+        return (relaxed(nlp, sides), sides) if sides else None
+
     def nlp(self, x: np.ndarray, limited: Collection[str] = (), seen: Sequence[np.ndarray] = ()) -> Nlp:
+        flat = self._flat(limited)
+        return flat.nlp(x, self._room(flat, [*seen, x]))
+
+    def _flat(self, limited: Collection[str]) -> FlatNlp:
         bounds = tuple(b for b in self.problem.bounds if b.label in limited and not b.of_end_effector)
         if bounds and bounds not in self._limited:
             self._limited[bounds] = FlatNlp(self.problem, self.basis, self.samples, bounds)
-        flat = self._limited[bounds] if bounds else self._free
-        return flat.nlp(x, self._room(flat, [*seen, x]))
+        return self._limited[bounds] if bounds else self._free
 
     def _room(self, flat: FlatNlp, trajectories: Sequence[np.ndarray]) -> list[np.ndarray]:
         """What the limits leave between the samples, as any of the trajectories needs it; see `between.room`."""

@@ -18,6 +18,7 @@ from pkmsea.motion import Basis
 from pkmsea.problem import Bound, Problem
 from pkmsea.transcription.nlp import Callback, Nlp, Variable
 from pkmsea.transcription.pattern import Pattern
+from pkmsea.transcription.relaxed import Side, sides_of
 from pkmsea.transcription.robot import RobotOnGrid
 from pkmsea.transcription.signals import SignalsOnGrid
 from pkmsea.transcription.windows import LinearRows, linear_rows
@@ -107,6 +108,14 @@ class FlatNlp:
     def bounds(self) -> list[Bound]:
         """All limits that the NLP holds, in the order of their rows."""
         return [*(bound for bound, _ in self.rows.limits), *self.limited]
+
+    def sides(self, x: np.ndarray) -> list[Side]:
+        """The limits of the NLP, which `relaxed` may widen."""
+        first, count = self.rows.matrix.shape[0], len(self.limited)
+        rows = [np.arange(at.start, at.stop) for _, at in self.rows.limits]
+        rows += [first + j + count * np.arange(self.robot.samples) for j in range(count)]
+        pairs = zip(self.bounds, rows, strict=True)
+        return [side for bound, own in pairs for side in sides_of(bound, own, self.signal(x, bound))]
 
     def nlp(self, guess: np.ndarray, room: Sequence[np.ndarray] | None = None) -> Nlp:
         """The NLP around a first trajectory, whose poses are found by continuation.

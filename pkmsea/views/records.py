@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pkmsea.actuation.cost import ENERGY, Cost
-from pkmsea.errors import SolveError
+from pkmsea.errors import Infeasible, SolveError
 from pkmsea.motion.turns import TURN
 from pkmsea.paper import Row
 from pkmsea.solution import Solution
@@ -101,4 +101,6 @@ def parallel_springs(solution: Solution) -> np.ndarray:
 
 
 def _failure(error: SolveError, cost: Cost = ENERGY, **what: Any) -> dict[str, Any]:
-    return {**what, cost.name: None, "ratio": None, "status": failure_status(error), "verified": False}
+    contending = error.contention if isinstance(error, Infeasible) else None
+    found = {**what, cost.name: None, "ratio": None, "status": failure_status(error), "verified": False}
+    return found | ({"contention": asdict(contending)} if contending else {})
