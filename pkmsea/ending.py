@@ -9,10 +9,10 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any, TypeVar
+from contextlib import contextmanager, suppress
+from typing import Any, NoReturn, TypeVar
 
-from pkmsea.errors import PkmseaError
+from pkmsea.errors import InputError, PkmseaError
 
 INTERRUPTED = 130  # how typer ends on Ctrl-C
 
@@ -24,19 +24,46 @@ _fresh = True  # whether nothing was `interruptible` yet, so that there is nothi
 
 def run(app: Callable[[], Any]) -> None:
     """Run a command: its errors become one paragraph and an exit code; a signal, exit code 1."""
+    _open_streams()
     _listen()
     try:
         app()
     except PkmseaError as error:
-        print_error(error)
-        sys.exit(error.exit_code)
+        _end(error, error.exit_code)
     except (SystemExit, Exception) as stop:
-        if not signals or (isinstance(stop, SystemExit) and stop.code != INTERRUPTED):
+        if signals and (not isinstance(stop, SystemExit) or stop.code == INTERRUPTED):
+            _end("stopped; what was finished is printed, and saved where -o was given ('pkmsea plot' draws it)", 1)
+        if not isinstance(stop, OSError):
             raise
-        print_error("stopped; what was finished is printed, and saved where -o was given ('pkmsea plot' draws it)")
-        sys.exit(1)
+        cause, remedy = f"The system refuses this ({stop.strerror or stop}).", "Look at its room and rights."
+        _end(InputError(cause, remedy, file=stop.filename or "standard output"), InputError.exit_code)
     finally:
         gc.freeze()  # else Python searches all expressions for circles before it ends, which takes up to a second
+
+
+def _open_streams() -> None:
+    """Lead closed standard streams to the null device: the next file would get their place, and what is printed."""
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # it becomes the lowest that is free
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115, to the end
+
+
+def _end(error: PkmseaError | str, code: int) -> NoReturn:
+    """Print an error and end; what cannot be printed any more, a full disk behind standard output say, is dropped."""
+    with suppress(OSError):
+        print_error(error)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            with suppress(OSError):  # a stream without a descriptor
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(code)
 
 
 def print_error(error: BaseException | str) -> None:

@@ -76,6 +76,10 @@ class InputError(PkmseaError):
     """A file does not say what pkmsea needs, or says something impossible."""
 
 
+class Unwritable(InputError):
+    """A file cannot be written: the disk is full, or the rights are missing."""
+
+
 class MechanismError(InputError):
     """A URDF or its sidecar describes no usable mechanism."""
 

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Self, TypeVar, get_args
 import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
 
-from pkmsea.errors import InputError, one_line
+from pkmsea.errors import InputError, Unwritable, one_line
 
 MAX_BYTES = 1_000_000  # a mechanism or task file has a few kB; more is not one of ours
 MAX_DEPTH = 20  # lists and mappings inside each other; a task file has 7
@@ -214,7 +214,7 @@ def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
 
     Raises
     ------
-    InputError : the file cannot be written.
+    Unwritable : the file cannot be written.
     """
     with _partial(path) as temporary:
         write(temporary)
@@ -227,7 +227,7 @@ def check_writable(folder: Path) -> None:
 
     Raises
     ------
-    InputError : they cannot.
+    Unwritable : they cannot.
     """
     with _partial(folder / "result") as temporary:
         temporary.write_bytes(bytes(1))
@@ -249,7 +249,8 @@ def _partial(path: Path) -> Iterator[Path]:
         finally:
             Path(name).unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(
+        raise Unwritable(
             f"The file cannot be written ({error.strerror or error}).",
-            "Choose another folder, or make room on the disk.", file=path,
-        ) from error  # fmt: skip
+            "Choose another folder, or make room on the disk.",
+            file=path,
+        ) from error

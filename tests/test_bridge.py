@@ -1,5 +1,12 @@
 """The bridge's Functions equal Pinocchio's own doubles, on random trees of revolute and prismatic joints."""
 
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -67,3 +74,30 @@ def test_compiled_for_another_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bridge._bridge, "casadi_version", "3.6.0")
     with pytest.raises(BridgeError, match=r"compiled for casadi 3\.6\.0.*pip install casadi==3\.6\.0"):
         importlib.reload(bridge)
+
+
+def test_warnings_are_muted_in_one_thread(capfd: pytest.CaptureFixture[str]) -> None:
+    """IPOPT meets the logarithm of a negative number, in a thread that is muted and in one that is not."""
+    x = ca.SX.sym("x")
+    quiet = {"ipopt": {"print_level": 0, "sb": "yes"}, "print_time": False, "error_on_fail": False}
+    solver = ca.nlpsol("solver", "ipopt", {"x": x, "f": -x + ca.log(1 - x) * x}, quiet)
+    bridge._bridge.mute(True)
+    try:
+        solver(x0=0.9)
+        assert "".join(capfd.readouterr()) == ""
+        other = threading.Thread(target=solver, kwargs={"x0": 0.9})
+        other.start()
+        other.join()
+        assert "NaN detected" in capfd.readouterr().err
+    finally:
+        bridge._bridge.mute(False)
+
+
+def test_sources_without_the_compiled_module_use_the_installed_one(tmp_path: Path) -> None:
+    """As in a checkout, whose sources hide the installed package: they run, and not the installed ones."""
+    sources = shutil.copytree(
+        Path(bridge.__file__).parents[1], tmp_path / "pkmsea", ignore=shutil.ignore_patterns("_bridge.*", "__pycache__")
+    )
+    lines = "import pkmsea; print(pkmsea.__file__, pkmsea.load_mechanism('pkm_2rrr').mobility)"
+    ended = subprocess.run([sys.executable, "-c", lines], cwd=tmp_path, capture_output=True, text=True)
+    assert ended.stdout.split() == [str(sources / "__init__.py"), "2"], ended.stderr

@@ -21,7 +21,7 @@ from pkmsea.study.tasks import task_at
 from pkmsea.task import load_task
 
 STUDIES = Path(__file__).parents[1] / "examples" / "studies"
-FILES = [file for file in sorted(STUDIES.rglob("*.yaml")) if "vary" in read_yaml(file)]
+FILES = {str(file.relative_to(STUDIES)): file for file in sorted(STUDIES.rglob("*.yaml")) if "vary" in read_yaml(file)}
 NUMERICAL = 2e-3  # relative: one start, two meshes
 CALIBRATED = 1e-2  # relative: the study's tolerance, and its coarse splines
 
@@ -106,6 +106,7 @@ class Expected:
     unverified: float = 0.1
 
 
+LONG = ("landscape_3_arms.yaml",)  # whose law is that of two arms
 SOFT = Expected(landscape, ("friction",), 0.4)  # the softest springs need finer meshes
 EXPECTED = {
     "cycle_time.yaml": Expected(cycle_time),
@@ -117,7 +118,10 @@ EXPECTED = {
 }
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(STUDIES)))
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(file, id=name, marks=pytest.mark.long if name in LONG else ()) for name, file in FILES.items()],
+)
 def test_study(file: Path, tmp_path: Path) -> None:
     """Reduced: every point is solved, most are verified, and the study's law holds."""
     expected = EXPECTED[str(file.relative_to(STUDIES))]

@@ -6,8 +6,13 @@ C++ templates on CasADi's SX and returns serialised Functions (see bridge.cpp).
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import distribution
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
 
 import casadi as ca
 import numpy as np
@@ -15,14 +20,29 @@ import pinocchio as pin
 
 from pkmsea.errors import BridgeError, NameNotFound
 
+
+def _installed() -> ModuleType:
+    """The compiled module of the installed pkmsea: sources that have none, such as a checkout's, hide it."""
+    files = distribution("pkmsea").files or []
+    path = next((Path(str(file.locate())) for file in files if file.name.startswith("_bridge.")), None)
+    spec = path and spec_from_file_location(f"{__name__}._bridge", path)
+    if not spec or spec.loader is None:
+        raise ImportError("the installed pkmsea has none")
+    sys.modules[spec.name] = module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 try:
-    from pkmsea.bridge import _bridge  # type: ignore[attr-defined]
+    try:
+        from pkmsea.bridge import _bridge  # type: ignore[attr-defined]
+    except ImportError:
+        _bridge = _installed()
 except ImportError as error:
     raise BridgeError(
         f"The compiled module of pkmsea cannot be loaded ({error}).",
         f"Build it against the installed casadi {ca.__version__}: run 'pip install .' in the checkout (this needs a "
-        "C++17 compiler, on Debian 'apt install g++'), and do not start Python in the checkout's root, where it finds "
-        "the sources instead of the installed package.",
+        "C++17 compiler, on Debian 'apt install g++').",
     ) from error
 
 if _bridge.casadi_version != ca.__version__:

@@ -147,11 +147,13 @@ static std::vector<std::string> functions(const std::vector<Joint> &joints, cons
 
 void register_machine(nb::module_ &m);  // machine.cpp
 void register_grid(nb::module_ &m);     // grid.cpp
+void register_logger(nb::module_ &m);   // logger.cpp
 
 NB_MODULE(_bridge, m) {
   nb::set_leak_warnings(false);  // programs in Python's caches live until the interpreter has gone
   register_machine(m);
   register_grid(m);
+  register_logger(m);
   m.attr("casadi_version") = CASADI_VERSION_STRING;
   nb::class_<Joint>(m, "Joint")
       .def(nb::init<std::size_t, bool, Triple, Rotation, Triple, double, Triple, Rotation>());

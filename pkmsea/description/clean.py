@@ -28,8 +28,8 @@ TRIANGLE = 1e-6  # how far the largest moment may exceed the sum of the others, 
 def clean(root: Element, file: Path, locked: dict[str, float]) -> list[str]:
     """Mend a checked URDF in place, and return a note on every change that matters.
 
-    Every moving joint gets a whole <limit>; `locked` joints become fixed; meshes that are not found are left out;
-    elements that are not of the tree (sensors, transmissions, collisions) go.
+    Every moving joint gets a whole <limit>; `locked` joints become fixed; meshes that are not found or damaged are left
+    out; elements that are not of the tree (sensors, transmissions, collisions) go.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def clean(root: Element, file: Path, locked: dict[str, float]) -> list[str]:
         for child in list(element):
             if child.tag not in KEPT[str(element.tag)]:
                 element.remove(child)
-    return notes + _shape_notes(root) + _mesh_notes(meshes.drop_missing(root, file.parent))
+    return notes + _shape_notes(root) + meshes.shown(root, file.parent)[1]
 
 
 def _has_dynamics(joint: Element) -> bool:
@@ -135,14 +135,6 @@ def _inertia_notes(root: Element, file: Path) -> list[str]:
         if moments[2] > (moments[0] + moments[1]) * (1 + TRIANGLE):
             notes.append(f"link '{name}': no rigid body has this inertia, one moment exceeds the sum of the others")
     return notes
-
-
-def _mesh_notes(missing: list[str]) -> list[str]:
-    """One note for all meshes that are not found."""
-    if not missing:
-        return []
-    names = ", ".join(sorted(set(missing))[:3])
-    return [f"{len(set(missing))} mesh file(s) are not beside the tree and are not drawn: {names}"]
 
 
 def _is_number(word: str) -> bool:

@@ -11,7 +11,7 @@ from pkmsea.description.limits import joint_limits
 from pkmsea.description.xml import Element, number, numbers
 
 TURN = 2 * np.pi  # [rad]
-TURNS = 4  # a joint rarely makes more to one side
+TURNS = 2  # a joint rarely makes more to one side
 LONG = 20.0  # [m]; a link is rarely longer
 LEAN = 0.02  # of a link's length; a slender rod has a radius of gyration of 0.29, one of 0.009 if its mass is in grams
 MOMENTS = ("ixx", "iyy", "izz")

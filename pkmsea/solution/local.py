@@ -10,10 +10,11 @@ from pkmsea.motion import Motion
 from pkmsea.problem import Problem
 from pkmsea.problem.bounds import TOUCHING
 from pkmsea.solution.refine import Mesh
-from pkmsea.solver.ipopt import STAGNANT
+from pkmsea.solver.ipopt import STAGNANT, Outcome
 from pkmsea.solver.optimality import SAVING, Optimality, last_parameter, optimality
 from pkmsea.transcription import transcribe_on
 
+UNSHARP = 0.1  # of the energy's tolerance: what a solve that ended early may leave
 SAME = 1e-9  # relative change of coefficients and stiffnesses on their way to the mesh: rounding
 
 
@@ -26,7 +27,10 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
     transcription = transcribe_on(problem, motion.basis, solved[-1].samples) if solved else None
     if transcription is None:
         return None
-    allowed = max(SAVING, STAGNANT * problem.options.stagnation)
+    sharp = solved[-1].outcome == Outcome.OPTIMAL
+    allowed = max(
+        SAVING, STAGNANT * problem.options.stagnation, 0 if sharp else UNSHARP * problem.options.energy_tolerance
+    )
     x = transcription.transfer(motion)
     again = transcription.motion(x)
     for name in ("coefficients", "stiffness", "parallel"):

@@ -6,6 +6,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from pkmsea.motion import Motion
 from pkmsea.solution.audit import Audit, audit
 from pkmsea.solver import Outcome, Start
@@ -86,15 +88,17 @@ def refine(transcription: Transcription, start: Start) -> Refined | None:
     refinement; what the mesh before it gave is kept.
     """
     options = transcription.problem.options
-    end = time.perf_counter() + options.time_limit
+    end = time.perf_counter() + (options.time_limit or np.inf)
     if transcription.refines:
         start = leave_saddles(transcription, start)
     found = unrefined(transcription, start)
     finer = transcription.refined()
     while found is not None and finer is not None and not found.verified and len(found.meshes) < options.meshes:
-        solved = _solve_from(finer, found, start) if time.perf_counter() < end else None
+        late = time.perf_counter() >= end
+        solved = None if late else _solve_from(finer, found, start)
         if solved is None:
-            failed = Mesh(finer.size, finer.samples, Outcome.FAILED.value, None, None, 0, 0.0)
+            outcome = Outcome.TIME if late else Outcome.FAILED
+            failed = Mesh(finer.size, finer.samples, outcome.value, None, None, 0, 0.0)
             return Refined(found.motion, found.audit, (*found.meshes, failed), found.tolerance)
         found = Refined(solved.motion, solved.audit, (*found.meshes, *solved.meshes), found.tolerance)
         finer = finer.refined()

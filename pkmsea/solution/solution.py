@@ -23,7 +23,7 @@ from pkmsea.solution.local import optimality_of
 from pkmsea.solution.netcdf import Array, Dataset
 from pkmsea.solution.records import arrays_of, start_record
 from pkmsea.solution.refine import Mesh, agree
-from pkmsea.solver import Optimality, Optimum, Start, optima
+from pkmsea.solver import Optimality, Optimum, Outcome, Start, optima
 from pkmsea.transcription import TRANSCRIPTIONS
 
 FORMAT = "pkmsea result 2"
@@ -162,7 +162,10 @@ class Solution:
         if self.faults:
             return "not verified: " + "; ".join(self.faults)
         optimality = self.optimality()
-        return ", but ".join(filter(None, ("verified", optimality.remark if optimality else "")))
+        late = any(start.outcome is Outcome.TIME for start in self.starts)
+        late |= any(mesh.outcome == Outcome.TIME.value for mesh in self.meshes)
+        remarks = optimality.remark if optimality else "", "the time limit ended part of the search" if late else ""
+        return ", but ".join(filter(None, ("verified", *remarks)))
 
     def __repr__(self) -> str:
         springs = ", ".join(f"{c:.4g}" for c in self.stiffness)
@@ -176,18 +179,14 @@ class Solution:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def dataset(self) -> Dataset:
-        """The result file's content: labelled time series, with the record of the solve as attributes."""
+        """The result file's content, but for its meshes: labelled time series, with the record of the solve as
+        attributes."""
         problem, audit, optimality = self.problem, self.audit(), self.optimality()
-        description = problem.mechanism.description
-        copies = {
-            f"mesh_{i}": Array((f"byte_{i}",), np.frombuffer(content, np.uint8), {MESH: name})
-            for i, (name, content) in enumerate(meshes.contents(description).items())
-        }
         record = {
             "format": FORMAT,
             "setup": problem.name,
             "task": task_of(problem).model_dump_json(),
-            "mechanism": description.model_dump_json(),
+            "mechanism": problem.mechanism.description.model_dump_json(),
             "basis": self.motion.basis.trajectory.model_dump_json(),
             problem.cost.name: audit.value,
             "claimed": self.claimed,
@@ -200,9 +199,18 @@ class Solution:
             "seconds": self.seconds,
             "versions": json.dumps({name: version(name) for name in PACKAGES}),
         }
-        return Dataset(arrays_of(problem, self.motion) | copies, record)
+        return Dataset(arrays_of(problem, self.motion), record)
 
     def save(self, path: str | Path) -> Path:
         """Write the result file (NetCDF), whole or not at all; see `pkmsea.solution.store`."""
-        netcdf.write(self.dataset(), path := Path(path))
+        write(self.dataset(), self.problem, path := Path(path))
         return path
+
+
+def write(dataset: Dataset, problem: Problem, path: Path) -> None:
+    """Write a result file: the `dataset` of a solution, and the mesh files that its mechanism shows."""
+    copies = {
+        f"mesh_{i}": Array((f"byte_{i}",), np.frombuffer(content, np.uint8), {MESH: name})
+        for i, (name, content) in enumerate(meshes.contents(problem.mechanism.description).items())
+    }
+    netcdf.write(Dataset({**dataset.arrays, **copies}, dataset.attrs), path)

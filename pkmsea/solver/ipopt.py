@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from enum import StrEnum
 import casadi as ca
 import numpy as np
 
+from pkmsea.bridge import _bridge
 from pkmsea.solver.nlp import ScaledNlp, scaled
 from pkmsea.task import Options
 from pkmsea.transcription.nlp import Callback, Nlp
@@ -93,7 +93,7 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
     iterations: list[int] = []
     outcome, violation, seconds, evaluation = Outcome.FAILED, np.inf, 0.0, 0.0
     for step in range(nlp.steps) if steps is None else steps:
-        left = options.time_limit - (time.perf_counter() - begin)
+        left = (options.time_limit or np.inf) - (time.perf_counter() - begin)
         if left <= 0:
             outcome = Outcome.TIME
             break
@@ -101,11 +101,9 @@ def solve_nlp(nlp: Nlp, options: Options, steps: range | None = None, warm: bool
         change = options.stagnation * min(abs(float(nlp.oracle(x, p)[0])), 1.0) if options.stagnation else 0.0
         solver = solvers.get(left, warm=warm or bool(multipliers), change=change)
         bounds = {"lbx": problem.lower, "ubx": problem.upper, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
-        with _quiet():
+        with _muted():
             found = solver(x0=x / problem.scale, p=p, **bounds, **multipliers)
-        if Callback.interrupted:
-            Callback.interrupted = False
-            raise KeyboardInterrupt
+        Callback.stop_if()
         stats = solver.stats()
         outcome = _OUTCOMES.get(stats["return_status"], Outcome.FAILED)
         iterations.append(int(stats.get("iter_count", 0)))
@@ -142,7 +140,6 @@ class _Solvers:
 def _solver(nlp: ScaledNlp, options: Options, seconds: float, warm: bool, change: float) -> ca.Function:
     ipopt = {
         "max_iter": options.iterations,
-        "max_wall_time": seconds,
         "tol": options.tolerance,
         "acceptable_tol": options.tolerance * 10,
         "acceptable_iter": 10,
@@ -152,6 +149,8 @@ def _solver(nlp: ScaledNlp, options: Options, seconds: float, warm: bool, change
         "bound_relax_factor": 0.0,
         "honor_original_bounds": "yes",
     }
+    if np.isfinite(seconds):
+        ipopt["max_wall_time"] = seconds
     if warm:
         ipopt |= WARM
     if change:  # IPOPT divides changes by max(1, |f|)
@@ -181,16 +180,10 @@ def excess(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """CasADi writes a warning straight to the terminal for every step that IPOPT has to shorten; drop those."""
-    saved, sink = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    saved_out = os.dup(1)
+def _muted() -> Iterator[None]:
+    """CasADi warns of every step that IPOPT has to shorten, and of Ctrl-C; not in this thread."""
+    _bridge.mute(True)
     try:
-        os.dup2(sink, 2)
-        os.dup2(sink, 1)
         yield
     finally:
-        os.dup2(saved, 2)
-        os.dup2(saved_out, 1)
-        for handle in (saved, saved_out, sink):
-            os.close(handle)
+        _bridge.mute(False)

@@ -19,6 +19,7 @@ FINISHED = 4  # starts at least that go on
 AGREEING = 8  # starts that find one optimum between them are enough
 ROUNDS = 5  # of solving with more limits, at most
 NEAR = 0.2  # of a limit's size: what comes so near goes into the NLP with those that are overstepped
+LEAST = 1e-3  # [s] that a time limit leaves a solve
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
 Progress = Callable[["Start"], None]
@@ -89,8 +90,9 @@ def improve(
     """
     begin = time.perf_counter() if begin is None else begin
     options, iterations = transcription.problem.options, 0
-    left = max(options.time_limit - (time.perf_counter() - begin), 0.0)
-    options = options.model_copy(update={"time_limit": left})
+    if options.time_limit is not None:
+        left = options.time_limit - (time.perf_counter() - begin)
+        options = options.model_copy(update={"time_limit": max(left, LEAST)})
     if not warm and transcription.quick:
         options = options.model_copy(update={"iterations": min(options.iterations, CUT_OFF)})
     seen: list[np.ndarray] = []

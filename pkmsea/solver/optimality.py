@@ -94,6 +94,8 @@ class Optimality:
     @property
     def remark(self) -> str:
         """What stays open about a result that is verified; empty for a minimum."""
+        if self.error > STATIONARY and self.saving > SAVING:
+            return f"a Newton step would still save {self.saving:.0e} of it"
         return "whether it is a minimum is undecided" if self.kind == "undecided" else ""
 
 

@@ -1,17 +1,19 @@
-"""Calls on several processes of this machine (joblib's loky), which may die or be left behind."""
+"""Calls on several processes of this machine (loky), which may die or be left behind."""
 
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import cache
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
-from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky import ProcessPoolExecutor
 
 AHEAD = 2  # calls per process that are handed over at a time
 POOLS = 2  # that may break before every call gets processes of its own
@@ -23,6 +25,47 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 K = TypeVar("K")
 T = TypeVar("T")
 Arguments = tuple[Any, ...]
+
+_idle: list[_Executor] = []  # at most one
+_lock = threading.Lock()
+
+
+class _Executor:
+    """Processes for one run of calls at a time. loky's reusable executor is one for the whole program instead, where
+    calls of joblib and of other threads run, too."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        resource_tracker.ensure_running()  # its start unblocks Ctrl-C
+        self._pool = ProcessPoolExecutor(size, timeout=IDLE, env=dict.fromkeys(THREADS, "1"))
+        self.shutdown = self._pool.shutdown
+
+    def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
+        """Hand a call over. Processes that this starts leave Ctrl-C to their parent, which ends them."""
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            future: Future[T] = self._pool.submit(function, *arguments)
+            return future
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    @classmethod
+    def take(cls, size: int) -> _Executor:
+        """The idle one if it is large enough, else a new one."""
+        with _lock:
+            found = _idle.pop() if _idle else None
+        if found is not None and found.size < size:
+            found.shutdown(wait=False)
+            found = None
+        return found or cls(size)
+
+    def give_back(self) -> None:
+        """Keep it for the next calls: processes take a second to start."""
+        with _lock:
+            kept = not _idle
+            _idle.extend([self] * kept)
+        if not kept:
+            self.shutdown(wait=False)
 
 
 def unordered(
@@ -43,13 +86,16 @@ def unordered(
         while True:
             waiting |= more()
             alone = broken >= POOLS
-            while waiting and len(running) < (1 if alone else AHEAD * jobs):
+            while waiting:
+                executor = executor or _Executor.take(jobs)
+                ahead = jobs if executor.size > jobs else AHEAD * jobs
+                if len(running) >= (1 if alone else ahead):
+                    break
                 key = next(iter(waiting))
-                executor = get_reusable_executor(max_workers=jobs, timeout=IDLE, env=dict.fromkeys(THREADS, "1"))
                 try:
                     future = executor.submit(_remote, os.getpid(), function, waiting[key])
-                except BrokenProcessPool:  # it broke just now; the next one is a fresh one
-                    broken += 1
+                except BrokenProcessPool:  # it broke just now
+                    broken, executor = broken + 1, None
                     if broken > BREAKS:
                         raise
                     continue
@@ -66,15 +112,17 @@ def unordered(
                     continue
                 yield key, result
             if dead:
-                broken += 1
+                broken, executor = broken + 1, None
             if alone:
                 yield from ((key, lost(key)) for key in dead)
             elif dead:
                 waiting = dead | dict(running.values()) | waiting
                 running.clear()
     finally:
-        if running and executor is not None:
+        if executor is not None and running:
             executor.shutdown(wait=True, kill_workers=True)
+        elif executor is not None:
+            executor.give_back()
 
 
 def once(calls: Mapping[K, Arguments]) -> Callable[[], Mapping[K, Arguments]]:

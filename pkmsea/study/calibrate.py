@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import brentq
 
-from pkmsea.errors import SolveError, blaming
+from pkmsea.errors import SolveError, Unverified, blaming
 from pkmsea.problem import Problem, build_problem
-from pkmsea.solution import solve
+from pkmsea.solution import Solution, solve
 from pkmsea.task import Task
 
 Number = Literal["inertia", "friction", "copper_loss"]
@@ -47,14 +47,27 @@ def calibrated(problem: Problem, number: Number, energy: float, start: float, to
 
     Raises
     ------
-    SolveError : no value reaches the energy.
+    SolveError : no value reaches the energy. Unverified : the least energy at a value is not verified.
     """
     single = replace(problem, options=problem.options.model_copy(update={"starts": 1}))
+    last: list[Solution] = []  # a neighbour, from which the next one is found sooner
 
     @cache
     def excess(logarithm: float) -> float:
         value = float(np.exp(logarithm))
-        return solve(with_numbers(single, **{number: value}), workers=1).energy / energy - 1.0
+        at_value = with_numbers(single, **{number: value})
+        solution = solve(at_value, workers=1, near=last[-1] if last else None)
+        if last and not solution.verified:
+            solution = solve(at_value, workers=1)
+        last[:] = [solution]
+        if not solution.verified:
+            raise Unverified(
+                f"The energy of the setup '{problem.name}' is {solution.status} at this value.",
+                "Raise the task's options.meshes, or begin elsewhere.",
+                key=number,
+                value=value,
+            )
+        return solution.energy / energy - 1.0
 
     low = high = np.log(start)
     below = above = excess(low)

@@ -6,6 +6,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from pkmsea.errors import InputError
 
@@ -16,11 +17,20 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     name: getattr(math, name)
     for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log", "radians", "degrees")
 } | {"abs": abs, "min": min, "max": max}
+
+
+def _power(base: float, exponent: float) -> float:
+    if abs(exponent) > LARGEST_POWER:
+        raise OverflowError("the power is too high")
+    return float(base**exponent)  # of a negative base it may be complex: a TypeError
+
+
 OPERATORS: dict[type[ast.AST], Callable[..., float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
+    ast.Pow: _power,
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
@@ -35,9 +45,7 @@ def names_in(expression: str | float) -> set[str]:
     """
     if not isinstance(expression, str):
         return set()
-    called = {node.func.id for node in ast.walk(_tree(expression)) if _is_call(node)}  # type: ignore[attr-defined]
-    used = {node.id for node in ast.walk(_tree(expression)) if isinstance(node, ast.Name)}
-    return used - called - CONSTANTS.keys()
+    return {node.id for node in _nodes(expression) if isinstance(node, ast.Name)} - CONSTANTS.keys()
 
 
 def evaluate(expression: str | float, names: Mapping[str, float]) -> float:
@@ -51,7 +59,7 @@ def evaluate(expression: str | float, names: Mapping[str, float]) -> float:
         return float(expression)
     known = CONSTANTS | dict(names)
     try:
-        value = float(_value(_tree(expression), known, expression))
+        value = float(_value(expression, known))
     except (ArithmeticError, ValueError, TypeError) as error:
         at = ", ".join(f"{name} = {known[name]:g}" for name in sorted(names_in(expression)))
         raise InputError(
@@ -62,44 +70,52 @@ def evaluate(expression: str | float, names: Mapping[str, float]) -> float:
     return value
 
 
-def _tree(expression: str) -> ast.expr:
+def _nodes(expression: str) -> list[Any]:
+    """The numbers, names and operations of an expression, each before its operands."""
     if len(expression) > LONGEST:
         raise InputError(f"The expression has more than {LONGEST} characters.", "Shorten it.", value=expression)
     try:
-        return ast.parse(expression.strip(), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        nodes = [ast.parse(expression.strip(), mode="eval").body]
+    except (RecursionError, MemoryError):
+        raise InputError("The expression is nested too deeply.", "Shorten it.", value=expression) from None
+    except (SyntaxError, ValueError):
         raise InputError("This is no arithmetic expression.", "Correct it.", value=expression) from None
+    for node in nodes:  # grows
+        nodes += _operands(node, expression)
+    return nodes
 
 
-def _is_call(node: ast.AST) -> bool:
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-
-
-def _value(node: ast.expr, known: Mapping[str, float], whole: str) -> float:
-    def inner(part: ast.expr) -> float:
-        return _value(part, known, whole)
-
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
-        return float(node.value)
-    if isinstance(node, ast.Name):
-        if node.id not in known:
-            raise InputError(
-                f"There is nothing named '{node.id}'.", f"Use one of: {', '.join(sorted(known))}.", value=whole
-            )
-        return known[node.id]
+def _operands(node: Any, whole: str) -> list[Any]:
+    number = isinstance(node, ast.Constant) and type(node.value) in (int, float)
+    if number or isinstance(node, ast.Name):
+        return []
     if isinstance(node, ast.UnaryOp) and type(node.op) in OPERATORS:
-        return OPERATORS[type(node.op)](inner(node.operand))
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
-        exponent = inner(node.right)
-        if abs(exponent) > LARGEST_POWER:
-            raise OverflowError("the power is too high")
-        return float(inner(node.left) ** exponent)
+        return [node.operand]
     if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
-        return OPERATORS[type(node.op)](inner(node.left), inner(node.right))
-    if _is_call(node) and node.func.id in FUNCTIONS and not node.keywords:  # type: ignore[attr-defined]
-        return FUNCTIONS[node.func.id](*map(inner, node.args))  # type: ignore[attr-defined]
+        return [node.left, node.right]
+    call = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords
+    if call and node.func.id in FUNCTIONS:
+        return list(node.args)
     raise InputError(
         "Only numbers, names, + - * / ** and functions are arithmetic here.",
         f"The functions are {', '.join(sorted(FUNCTIONS))}.",
         value=whole,
     )
+
+
+def _value(expression: str, known: Mapping[str, float]) -> float:
+    nodes = _nodes(expression)
+    values: dict[Any, float] = {}
+    for node in reversed(nodes):
+        operands = [values[operand] for operand in _operands(node, expression)]
+        if isinstance(node, ast.Constant):
+            values[node] = float(node.value)  # type: ignore[arg-type]
+        elif isinstance(node, ast.Name):
+            if node.id not in known:
+                listed = ", ".join(sorted(known))
+                raise InputError(f"There is nothing named '{node.id}'.", f"Use one of: {listed}.", value=expression)
+            values[node] = known[node.id]
+        else:
+            function = OPERATORS[type(node.op)] if hasattr(node, "op") else FUNCTIONS[node.func.id]
+            values[node] = float(function(*operands))
+    return values[nodes[0]]

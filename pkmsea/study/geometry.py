@@ -24,7 +24,7 @@ from lxml import etree
 from pkmsea.description import xml
 from pkmsea.description.sidecar import SIDECAR
 from pkmsea.description.source import read_source
-from pkmsea.errors import InputError
+from pkmsea.errors import InputError, Unwritable
 from pkmsea.files import read_yaml
 from pkmsea.study.keys import Missing, assign
 
@@ -39,7 +39,7 @@ def changed_mechanism(source: Path, numbers: Mapping[str, float], folder: Path) 
 
     Raises
     ------
-    InputError : the mechanism is not a folder with a URDF and a mechanism.yaml.
+    InputError : the mechanism is not a folder with a URDF and a mechanism.yaml. Unwritable : the disk is full, say.
     """
     said = read_source(source)
     if said.tree.suffix != ".urdf" or said.sidecar is None or said.sidecar.name != SIDECAR:
@@ -67,18 +67,25 @@ def changed_mechanism(source: Path, numbers: Mapping[str, float], folder: Path) 
 
 def _write(folder: Path, contents: Mapping[str, bytes]) -> Path:
     """Write files into a new folder, whole or not at all."""
-    if not folder.is_dir():
+    if folder.is_dir():
+        return folder
+    written = None
+    try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         written = Path(tempfile.mkdtemp(dir=folder.parent))
-        try:
-            for name, content in contents.items():
-                (written / name).write_bytes(content)
-            written.chmod(0o755)
-            written.rename(folder)
-        except OSError:
-            if not folder.is_dir():  # else another process was first
-                raise
-        finally:
+        for name, content in contents.items():
+            (written / name).write_bytes(content)
+        written.chmod(0o755)
+        written.rename(folder)
+    except OSError as error:
+        if not folder.is_dir():  # else another process was first
+            raise Unwritable(
+                f"The changed mechanism cannot be written ({error.strerror or error}).",
+                "Make room on the disk, or choose another output folder.",
+                file=folder,
+            ) from error
+    finally:
+        if written is not None:
             shutil.rmtree(written, ignore_errors=True)
     return folder
 

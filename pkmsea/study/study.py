@@ -30,7 +30,6 @@ COLUMNS = (
     "optima",
     "motion",
     "meshes",
-    "task",
 )  # of the table, beside the key, the varied parameters and the stiffnesses c_i
 KEY = ("case", "setup", "point", "round")
 
@@ -163,7 +162,7 @@ class Study(FromFile):
     def base(self) -> Task:
         """The task that is varied."""
         if self._task is None:
-            self._task = load_task(self.beside(self.task))
+            self._task = load_task(self.beside(self.task).absolute())
         return self._task
 
     @property

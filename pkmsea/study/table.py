@@ -5,22 +5,24 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pkmsea.errors import InputError
+from pkmsea.errors import InputError, Unwritable
 from pkmsea.study.study import COLUMNS, KEY
 
 NAME = "study.sqlite"
-FORMAT = "pkmsea study 1"
+FORMAT = "pkmsea study 2"
 VERIFIED, UNVERIFIED, FAILED = "verified", "not verified", "failed"  # status
-DONE, NO_BETTER = "done", "no better"  # outcome, or FAILED
+DONE, NO_BETTER, CRASHED = "done", "no better", "crashed"  # outcome, or FAILED; what crashed is solved again
+OPTIMUM = -1  # the point that stands for the task as it says itself
 QUOTED_KEY = ", ".join(f'"{name}"' for name in KEY)
-TEXT = {"case", "setup", "outcome", "status", "reason", "optima", "motion", "meshes", "task"}
-HIDDEN = ["optima", "motion", "meshes", "task"]  # columns for programs
+TEXT = {"case", "setup", "outcome", "status", "reason", "optima", "motion", "meshes"}
+HIDDEN = ["optima", "motion", "meshes"]  # columns for programs
 
 
 class Table:
@@ -30,21 +32,27 @@ class Table:
         self.file, self.parameters = file, list(parameters)
         self.springs = [f"c_{i + 1}" for i in range(drives)]
         self.columns = [*KEY, *self.parameters, *self.springs, *COLUMNS]
+        self._stored = _stored([*KEY, *self.springs, *COLUMNS, *self.parameters])
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             self._base = sqlite3.connect(file, isolation_level=None)
             self._base.execute("PRAGMA synchronous = NORMAL")
             self._create()
             self._agree(fingerprint)
+            self._base.execute("DELETE FROM points WHERE outcome = ?", (CRASHED,))
         except (OSError, sqlite3.Error) as error:
             raise InputError(
                 f"The table of the study cannot be used ({error}).", "Choose another output folder with -o.", file=file
             ) from error
 
     def _create(self) -> None:
-        kinds = [f'"{name}" {"TEXT" if name in TEXT else "REAL"}' for name in self.columns]
-        self._base.execute("CREATE TABLE IF NOT EXISTS study (key TEXT PRIMARY KEY, value TEXT)")
-        self._base.execute(f"CREATE TABLE IF NOT EXISTS points ({', '.join(kinds)}, PRIMARY KEY ({QUOTED_KEY}))")
+        kinds = [f'"{self._stored[name]}" {"TEXT" if name in TEXT else "REAL"}' for name in self.columns]
+        for table in (
+            "study (key TEXT PRIMARY KEY, value TEXT)",
+            "calibrated (key TEXT PRIMARY KEY, number REAL)",
+            f"points ({', '.join(kinds)}, PRIMARY KEY ({QUOTED_KEY}))",
+        ):
+            self._base.execute(f"CREATE TABLE IF NOT EXISTS {table}")
 
     def _agree(self, fingerprint: Mapping[str, str]) -> None:
         """Only rows of the same study stand in one table."""
@@ -63,21 +71,54 @@ class Table:
             )
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Store one row for good."""
+        """Store one row for good.
+
+        Raises
+        ------
+        Unwritable : the disk is full, say.
+        """
         values = dict(row) | dict(zip(self.springs, row.get("stiffness", []), strict=False))
         plain = [
             None if isinstance(x := values.get(name), float) and not np.isfinite(x) else x for name in self.columns
         ]
-        marks = ", ".join("?" * len(plain))
-        self._base.execute(f"INSERT OR REPLACE INTO points VALUES ({marks})", plain)
+        self._insert("points", plain)
+
+    def add_calibrated(self, key: str, number: float) -> None:
+        """Store a calibrated number by what it depends on. Raises like `add`."""
+        self._insert("calibrated", [key, number])
+
+    def _insert(self, table: str, values: Sequence[Any]) -> None:
+        try:
+            self._base.execute(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * len(values))})", values)
+        except sqlite3.Error as error:
+            raise Unwritable(
+                f"The table of the study cannot be written ({error}).",
+                "Make room on the disk, and run the same command again: it goes on.",
+                file=self.file,
+            ) from error
 
     def rows(self) -> pd.DataFrame:
         """Every row, in the order of its key."""
         frame = pd.read_sql_query(f"SELECT * FROM points ORDER BY {QUOTED_KEY}", self._base)
-        return frame.astype({"point": int, "round": int})
+        named = {column: name for name, column in self._stored.items()}
+        return frame.rename(columns=named).astype({"point": int, "round": int})
+
+    def calibrated(self) -> dict[str, float]:
+        """The calibrated numbers by what they depend on."""
+        return dict(self._base.execute("SELECT key, number FROM calibrated"))
 
     def close(self) -> None:
         self._base.close()
+
+
+def _stored(names: Sequence[str]) -> dict[str, str]:
+    """The column of each name: SQLite does not tell upper from lower case, so that 'K' beside 'k' stands in 'K-2'."""
+    columns: dict[str, str] = {}
+    for name in names:
+        taken = {column.casefold() for column in columns.values()}
+        free = (x for x in chain([name], (f"{name}-{i}" for i in count(2))) if x.casefold() not in taken)
+        columns[name] = next(free)
+    return columns
 
 
 def rank(row: Mapping[str, Any]) -> tuple[int, float]:

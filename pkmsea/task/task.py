@@ -49,7 +49,9 @@ class Options(Record):
     )
     starts: int = Field(12, ge=1, le=10000, description="starts of the multi-start")
     seed: int = Field(0, ge=0, description="of the random starts")
-    time_limit: float = Field(60.0, gt=0, description="per start, all its steps together [s]")
+    time_limit: float | None = Field(
+        None, gt=0, description="per start, all its steps together [s]; the result then depends on the computer's speed"
+    )
     iterations: int = Field(300, ge=1, le=100000, description="IPOPT iterations per step; screening stops at 120")
     tolerance: float = Field(1e-6, gt=0, le=1e-2, description="IPOPT's tolerance")
     stagnation: float = Field(

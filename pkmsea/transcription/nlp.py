@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -52,10 +53,10 @@ class Nlp:
 class Callback(ca.Callback):
     """A CasADi Function from a Python function on NumPy views; None where an output is not asked for.
 
-    CasADi would swallow a Ctrl-C in here: it is kept in `interrupted`, and every evaluation fails until it is reset.
+    CasADi would swallow a Ctrl-C in here: it is kept, and evaluations in its thread fail until `stop_if` raises it.
     """
 
-    interrupted = False
+    _ctrl_c = threading.local()
 
     def __init__(
         self,
@@ -90,7 +91,7 @@ class Callback(ca.Callback):
         return True
 
     def eval_buffer(self, arguments: Any, results: Any) -> int:
-        if Callback.interrupted:
+        if hasattr(self._ctrl_c, "came"):
             return 1
         given = [None if x is None else np.frombuffer(x, dtype=float) for x in arguments]
         wanted = [None if x is None else np.frombuffer(x, dtype=float) for x in results]
@@ -99,6 +100,12 @@ class Callback(ca.Callback):
         except (np.linalg.LinAlgError, FloatingPointError):
             return 1  # the point cannot be evaluated: IPOPT shortens its step
         except KeyboardInterrupt:
-            Callback.interrupted = True
+            self._ctrl_c.came = True
             return 1
         return 0
+
+    @classmethod
+    def stop_if(cls) -> None:
+        """Raise the KeyboardInterrupt that came in an evaluation, if one did."""
+        if cls._ctrl_c.__dict__.pop("came", False):
+            raise KeyboardInterrupt

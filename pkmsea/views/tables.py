@@ -99,12 +99,13 @@ def print_solutions(
 
 def print_verifications(found: Mapping[str, Verification], failures: Mapping[str, SolveError]) -> None:
     """Results side by side, those not verified behind, and under the table what speaks against them."""
-    table = Table(title="forward simulation", box=box.SIMPLE_HEAD)
+    caption = "end effector, motors, loops: largest deviations [m, rad]"
+    table = Table(title="forward simulation", box=box.SIMPLE_HEAD, caption=caption, caption_justify="left")
     costs = {v.cost: None for v in found.values()} or {ENERGY: None}
     E, unit = (" or ".join(getattr(cost, key) for cost in costs) for key in ("symbol", "unit"))
     values = f"{E} [{unit}]", f"{E} simulated [{unit}]"
     for heading in (
-        "result", *values, "gap", "end effector [m, rad]", "motors [rad, m]", "loops [m, rad]", "balance",
+        "result", *values, "gap", "end effector", "motors", "loops", "balance",
         "feedback", "singularity", "KKT", "optimum", "status",
     ):  # fmt: skip
         table.add_column(heading, justify="left" if heading in ("result", "optimum", "status") else "right")
@@ -119,7 +120,7 @@ def print_verifications(found: Mapping[str, Verification], failures: Mapping[str
     out = console()
     out.print(table)
     for name, v in found.items():
-        if not v.verified:
+        if v.status != "verified":
             out.print(f"{name}: {v.status}", markup=False)
 
 
