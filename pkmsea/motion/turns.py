@@ -18,7 +18,7 @@ def gain(mechanism: Mechanism, first: np.ndarray, last: np.ndarray) -> np.ndarra
     """What joints gain (n,) from the first pose of a path to that at which it closes; whole turns and zeros exactly."""
     found = last - first
     whole = np.where(mechanism.revolute, TURN * np.round(found / TURN), 0.0)
-    return np.asarray(np.where(np.abs(found - whole) <= ROUNDING, whole, found))
+    return np.asarray(np.where(np.abs(found - whole) <= ROUNDING, whole, found)) + 0.0
 
 
 def within(mechanism: Mechanism, q: np.ndarray, ranges: np.ndarray) -> np.ndarray:

@@ -87,8 +87,8 @@ class Contention:
 
     @property
     def remedy(self) -> str:
-        longer = f"lengthen the period to {self.period:.4g} s, or " if self.period else ""
-        return f"{longer}widen {', '.join(dict.fromkeys(self.stated))}.".capitalize()
+        widen = f"iden {', '.join(dict.fromkeys(self.stated))}."
+        return f"Lengthen the period to {self.period:.4g} s, or w{widen}" if self.period else f"W{widen}"
 
 
 def least_widened(transcription: Transcription) -> Widened | None:
