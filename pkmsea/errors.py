@@ -104,7 +104,12 @@ class SolveError(PkmseaError):
 
 
 class Infeasible(SolveError):
-    """No motion satisfies the task's windows and limits, as far as the solver could tell."""
+    """No motion satisfies the task's windows and limits, as far as the solver could tell.
+
+    `contention` says which limits contend, where that is known (`pkmsea.solution.contention.Contention`).
+    """
+
+    contention: Any = None
 
 
 class NotConverged(SolveError):

@@ -20,13 +20,15 @@ from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.mechanism.workspace import reach
 
 TASK = "task.yaml"
-PERIOD = 1.0  # [s]
+PERIOD = 1.0  # [s], or longer where the joints' limits ask for it
+USED = 0.5  # of what they allow
 REST, WINDOW = 0.1, 0.01  # of the period; of the way
 MOST = {"m": np.inf, "rad": 1.0}  # of a coordinate on one side of the seed
 SHARES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05)  # of the reach from the seed, tried as operating points
 ROOM = 0.2  # of the way, left around the points
 KEEP = 0.4  # of the seed's distance to singularities, on the whole way
 STEPS = 15  # at which the way is looked at
+TINY = 1e-12  # keeps ratios finite where nothing moves
 ROTOR, LOSS, SOFT, STIFF = 0.1, 0.5, 0.05, 50.0  # of the load's inertia; of 1/(inertia w); of inertia w^2
 
 
@@ -105,21 +107,21 @@ def task_text(mechanism: Mechanism, gears: Mapping[str, transmission.Gear]) -> s
     `gears` is what the tree tells by joint.
     """
     points = operating_points(mechanism)
-    way = float(np.linalg.norm(points[1] - points[0]))
+    way, period = float(np.linalg.norm(points[1] - points[0])), period_of(mechanism, points)
     end_effector = mechanism.description.end_effector
     cycle = [
-        f"    - {{at: [{', '.join(_short(x, 3) for x in point)}], rest: {_short(REST * PERIOD)}, "
+        f"    - {{at: [{', '.join(_short(x, 3) for x in point)}], rest: {_short(REST * period)}, "
         f"window: {_short(WINDOW * way)}}}"
         for point in points
     ]
     sides = zip(end_effector.coordinates, *box(points), strict=True)
     room = ", ".join(f"{axis}: [{_short(low, 3)}, {_short(high, 3)}]" for axis, low, high in sides)
-    rigid, elastic = _drives(mechanism, gears)
+    rigid, elastic = _drives(mechanism, gears, period)
     return "\n".join([
         f"# A first task for '{mechanism.name}'. Drives are GUESSED from the mass that they move: put your own in.",
         f"name: {mechanism.name}",
         "cycle:",
-        f"  period: {PERIOD}  # [s]",
+        f"  period: {period}  # [s]",
         f"  points:  # {end_effector.frame}: {', '.join(end_effector.coordinates)} [m, rad]; rest [s], window [m, rad]",
         *cycle,
         "limits:",
@@ -187,14 +189,35 @@ def _is_clear(mechanism: Mechanism, points: list[np.ndarray]) -> bool:
     return bool(np.any(points[1] != points[0]))
 
 
-def _drives(mechanism: Mechanism, gears: Mapping[str, transmission.Gear]) -> tuple[list[str], list[str]]:
+def period_of(mechanism: Mechanism, points: list[np.ndarray]) -> float:
+    """PERIOD, or the longer one in which a harmonic motion between the points, s = (1 - cos wt) / 2, has USED what the
+    joints allow of velocities and efforts [s]; those that drives take for themselves are not counted.
+    """
+    s = np.linspace(0, 1, STEPS)[:, None]
+    q = np.array([mechanism.configuration(points[0] + x * (points[1] - points[0])) for x in s])
+    slope = np.gradient(q, s.ravel(), axis=0)
+    v = slope * np.sqrt(s * (1 - s))  # for w = 1
+    a = np.gradient(slope, s.ravel(), axis=0) * s * (1 - s) + slope * (1 - 2 * s) / 2
+    largest = np.array([joint.velocity for joint in mechanism.limits])
+    w = [float((USED * largest / np.maximum(np.abs(v).max(axis=0), TINY)).min())]
+    effort, own = np.array([mechanism.limits[i].effort for i in mechanism.actuated]), mechanism.independent
+    for pose, speed, acceleration in zip(q, v[:, own], a[:, own], strict=True):
+        H_A, still = mechanism.actuation_jacobian(pose), mechanism.bias(pose, np.zeros(len(own)))
+        moved = mechanism.mass_matrix(pose) @ acceleration + mechanism.bias(pose, speed) - still
+        held, carried = (np.abs(np.linalg.pinv(H_A.T) @ load) for load in (still, moved))
+        left = np.where(effort > held, USED * (effort - held), np.inf)  # where it cannot even be held, no period helps
+        w.append(float(np.sqrt((left / np.maximum(carried, TINY)).min())))
+    return max(PERIOD, float(_short(1.05 * 2 * np.pi / min(w) / (1 - 2 * REST))))
+
+
+def _drives(mechanism: Mechanism, gears: Mapping[str, transmission.Gear], period: float) -> tuple[list[str], list[str]]:
     """One line per drive, rigid and elastic, scaled by the inertia that the drive feels: 1 / (H_A M^-1 H_A^T)_ii.
 
     Of a drive with a gear N, inertia and copper loss are the motor's: those at the output over N^2, and times N^2.
     """
     H_A, M = mechanism.actuation_jacobian(mechanism.seed), mechanism.mass_matrix(mechanism.seed)
     felt = 1 / np.diag(H_A @ np.linalg.solve(M, H_A.T))
-    w = 2 * np.pi / PERIOD
+    w = 2 * np.pi / period
     lines: tuple[list[str], list[str]] = ([], [])
     for joint, inertia in zip(mechanism.description.actuated, felt, strict=True):
         gear = gears.get(joint, transmission.Gear(1.0, 0.0))

@@ -79,7 +79,7 @@ def urdf(variant: Variant, ends: tuple[str, str] = ("tip_1", "tip_2"), more: str
             f'<joint name="{variant.name(joint)}" type="revolute" {marks if joint not in variant.drives else ""}>'
             f'<parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 {sign}"/>'
             f'<origin xyz="{_xyz(POINTS[parent, joint] - origin[parent])}"/>'
-            '<limit lower="-6.3" upper="6.3" effort="1" velocity="1"/></joint>'
+            '<limit lower="-6.3" upper="6.3" effort="900" velocity="900"/></joint>'
         )
         text.append(f'<link name="{child}">{_inertial(child, origin[child])}</link>')
     sides = [body for pair in LOOP if pair[1] == variant.open_at for body in (pair[0], pair[2])]

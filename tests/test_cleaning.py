@@ -28,7 +28,7 @@ def edited(folder: Path, *pairs: tuple[str, str]) -> Path:
     return folder
 
 
-LIMIT = '<limit lower="-6.3" upper="6.3" effort="1" velocity="1"/>'
+LIMIT = '<limit lower="-6.3" upper="6.3" effort="900" velocity="900"/>'
 
 
 @pytest.mark.parametrize(
@@ -37,8 +37,8 @@ LIMIT = '<limit lower="-6.3" upper="6.3" effort="1" velocity="1"/>'
         (('name="elbow_A" type="revolute"', 'name="elbow_A" type="continuous"'),),
         (('name="elbow_A" type="revolute"', 'name="elbow_A" type="continuous"'), (LIMIT, "")),
         ((LIMIT, ""),),
-        ((LIMIT, '<limit effort="1" velocity="1"/>'),),
-        ((LIMIT, '<limit lower="0" upper="0" effort="1" velocity="1"/>'),),
+        ((LIMIT, '<limit effort="900" velocity="900"/>'),),
+        ((LIMIT, '<limit lower="0" upper="0" effort="900" velocity="900"/>'),),
         ((LIMIT, '<limit lower="-6.3" upper="6.3"/>'),),
         (("</robot>", '<gazebo/><transmission name="t"><joint name="A"/></transmission></robot>'),),
         (("</robot>", '<link name="extra"/><joint name="fix" type="fixed"><parent link="lower_A"/>'

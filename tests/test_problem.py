@@ -50,7 +50,7 @@ def solved(changed: Problem) -> Solution:
 def test_it_follows_its_fields(slider: Problem, changed: Problem) -> None:
     assert changed.actuation.drives[0].friction == 10 * slider.actuation.drives[0].friction
     assert changed.mechanism is slider.mechanism
-    fast = replace(slider, limits=TaskLimits(end_effector=Limits(velocity=3.0)))
+    fast = replace(slider, limits=TaskLimits(end_effector=Limits(velocity=3.0), urdf=False))
     assert [(b.quantity, b.upper) for b in fast.bounds] == [("dr_E", 3.0)]
     loaded = replace(slider, payload=Payload(mass=1.5, pick=1, place=2))
     mass = replace(loaded, cycle=changed.cycle).actuation.payload
@@ -221,4 +221,4 @@ def test_public_objects_have_short_reprs(solved: Solution, tmp_path: Path) -> No
     for name, instance in instances.items():
         assert isinstance(instance, getattr(pkmsea, name)), name
         assert len(repr(instance)) < SHORT and "\n" not in repr(instance), repr(instance)
-    assert repr(problem) == "<Problem 'setup': pkm_3rrr, drives: 3 sea, 2 points in 1 s, 3 bounds>"
+    assert repr(problem) == "<Problem 'setup': pkm_3rrr, drives: 3 sea, 2 points in 1 s, 18 bounds>"

@@ -7,6 +7,7 @@ import numpy as np
 from pkmsea.errors import Unreachable
 from pkmsea.kernels import Pipeline, program
 from pkmsea.mechanism import Mechanism, pose
+from pkmsea.motion import turns
 
 NEWTON_STEP = 0.5  # largest step of a joint [rad, m]; a longer one may leave the branch
 NEWTON_NEAR = 1e-8  # [m]; one more step squares it, down to rounding
@@ -35,38 +36,42 @@ class Poses:
         return self._q.copy() if found else None
 
 
-def poses_along(poses: Poses, y: np.ndarray) -> np.ndarray:
-    """Poses (n, k) along a closed path of the end effector, y (delta, k): continuation in strides, then Newton for all.
+def poses_along(poses: Poses, y: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (n, k) along a closed path of the end effector, y (delta, k), and what the joints gain on it (n,).
+
+    Continuation in strides, then Newton for all; joints are within their ranges (2, n) as far as whole turns do it.
 
     Raises
     ------
-    FloatingPointError : the path leaves the workspace.
+    FloatingPointError : the path leaves the workspace, or crosses a singularity.
     """
     try:
-        return _follow(poses, y)
+        q, gained = _follow(poses, y)
     except Unreachable as error:
         raise FloatingPointError("the path leaves the workspace") from error
+    return turns.within(poses.mechanism, q, ranges), gained
 
 
-def _follow(poses: Poses, y: np.ndarray) -> np.ndarray:
-    single, count = Poses(poses.mechanism, 1), y.shape[1]
+def _follow(poses: Poses, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    single, count, mechanism = Poses(poses.mechanism, 1), y.shape[1], poses.mechanism
+    first = mechanism.configuration(y[:, 0])
     for stride in (*(max(count // points, 1) for points in FOLLOWED), 1):
-        q = poses.mechanism.configuration(y[:, 0])
-        strided = []
-        for target in y.T[::stride]:
-            following = single.close(q[:, None], target[:, None])
-            q = pose.follow(poses.mechanism, target, detours=False) if following is None else following[:, 0]
+        strided, done = [first], 1.0
+        for target in (*y.T[stride::stride], y[:, 0]):
+            following, q = single.close(strided[-1][:, None], target[:, None]), strided[-1]
+            q, done = pose.walk(mechanism, q, target) if following is None else (following[:, 0], 1.0)
+            if done < 1.0:
+                break
             strided.append(q)
-        found = poses.close(_between(np.array(strided), stride, count).T, y)
+        found = poses.close(_between(np.array(strided), stride, count).T, y) if done == 1.0 else None
         if found is not None:
-            return found
+            return found, turns.gain(mechanism, first, strided[-1])
     raise FloatingPointError("the path leaves the workspace")
 
 
 def _between(strided: np.ndarray, stride: int, count: int) -> np.ndarray:
-    """Linear interpolation of every `stride`-th pose on a periodic grid of `count` points."""
-    following = np.roll(strided, -1, axis=0)
-    last = count - (strided.shape[0] - 1) * stride  # grid steps from the last followed pose to the first
-    share = np.arange(stride) / np.array([stride] * (strided.shape[0] - 1) + [last])[:, None]
-    filled = strided[:, None] + share[:, :, None] * (following - strided)[:, None]
+    """Linear interpolation of every `stride`-th pose on a grid of `count` points, which the last pose closes."""
+    last = count - (strided.shape[0] - 2) * stride  # grid steps from the last but one to the last
+    share = np.arange(stride) / np.array([stride] * (strided.shape[0] - 2) + [last])[:, None]
+    filled = strided[:-1, None] + share[:, :, None] * np.diff(strided, axis=0)[:, None]
     return np.asarray(filled.reshape(-1, strided.shape[1])[:count])

@@ -12,11 +12,12 @@ from pkmsea.actuation.flat_batch import FlatBatch
 from pkmsea.actuation.signals import motor_torque
 from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
+from pkmsea.motion import turns
 from pkmsea.motion.damping import DampedSprings, compliance
 from pkmsea.motion.motion import Motion
 from pkmsea.motion.periodic import derivative, filtered, frequencies
 from pkmsea.motion.poses import Poses, poses_along
-from pkmsea.problem import Problem
+from pkmsea.problem import Bound, Problem
 
 POINTS = 4000  # at least, per period; many more than any transcription's grid
 PER_MODE = 40  # and at least so many per highest harmonic of the basis
@@ -24,7 +25,10 @@ PER_MODE = 40  # and at least so many per highest harmonic of the basis
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """The whole motion on a dense periodic grid; all arrays (points, ...), SI units."""
+    """The whole motion on a dense periodic grid; all arrays (points, ...), SI units.
+
+    `gain` is what each joint has gained after the period (n,), see `pkmsea.motion.turns`.
+    """
 
     t: np.ndarray
     r_E: np.ndarray
@@ -36,6 +40,12 @@ class Series:
     tau: np.ndarray
     u: np.ndarray
     power: np.ndarray
+    gain: np.ndarray
+
+    def limited(self, bound: Bound) -> np.ndarray:
+        """What a bound of drives or joints limits."""
+        of = {"tau": self.tau, "speed": self.v_M, "q": self.q, "dq": self.v, "ddq": self.a}
+        return of[bound.quantity][:, bound.index]
 
 
 def series(problem: Problem, motion: Motion, points: int | None = None) -> Series:
@@ -51,8 +61,10 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
     t = np.arange(count) * basis.period / count
     jets = [motion.flat_output(t, d) for d in range(5)]
     Y = np.stack([jet[:, :delta] for jet in jets], axis=1).reshape(count, -1)
-    Z = np.stack([jet[:, delta:] for jet in jets[:3]], axis=1).reshape(count, -1)
-    q = _poses(problem, jets[0][:, :delta])
+    q, gained = _poses(problem, jets[0][:, :delta])
+    rate = turns.of_free(actuation, gained) / basis.period
+    z = jets[0][:, delta:] + t[:, None] * rate, jets[1][:, delta:] + rate, jets[2][:, delta:]
+    Z = np.stack(z, axis=1).reshape(count, -1)
     L = np.zeros((count, 3))
     if actuation.payload is not None:
         L = np.stack([actuation.payload(t, order) for order in range(3)], axis=1)
@@ -67,7 +79,7 @@ def series(problem: Problem, motion: Motion, points: int | None = None) -> Serie
         torque = Batch(motor_torque(actuation.structure), count)(v_M, a_M, u, actuation.r)[0]
         tau[:, damped] = torque[:, damped]
     power = np.asarray(bus_power(tau.T, v_M.T, actuation.each))
-    return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power)
+    return Series(t, jets[0][:, :delta], q, v, a, q_M, v_M, tau, u, power, gained)
 
 
 def _damped(
@@ -85,13 +97,14 @@ def _even(wanted: int, pieces: int) -> int:
     return 2 * pieces * -(-wanted // (2 * pieces))
 
 
-def _poses(problem: Problem, targets: np.ndarray) -> np.ndarray:
-    """Poses along the path, all on the same side of the inverse-kinematic singularities."""
+def _poses(problem: Problem, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Poses along the path, all on the same side of the inverse-kinematic singularities, and what joints gain."""
     mechanism = problem.actuation.mechanism
     count, n = targets.shape[0], mechanism.model.nq
-    poses = poses_along(Poses(mechanism, count), targets.T).T
+    along, gained = poses_along(Poses(mechanism, count), targets.T, problem.ranges)
+    poses = along.T
     A = Batch(pose.task_system(mechanism), count)(poses)[1]
     signs = np.sign(np.linalg.det(A.reshape(count, n, n)))
     if np.any(signs != signs[0]):
         raise FloatingPointError("the motion crosses a singularity")
-    return poses
+    return poses, gained

@@ -14,6 +14,7 @@ from math import ceil, isfinite
 import numpy as np
 
 from pkmsea.errors import InputError
+from pkmsea.motion import turns
 from pkmsea.motion.series import POINTS, Series, series
 from pkmsea.problem import Cost, Problem
 from pkmsea.solution.netcdf import Array, Dataset
@@ -82,7 +83,8 @@ def feedforward(solution: Solution, sampling: Sampling) -> Dataset:
     }
     tau = s.tau[::stride]
     jump = np.abs(np.diff(tau, axis=0, append=tau[:1])).max() / np.abs(tau).max(initial=np.finfo(float).tiny)
-    head = {**_head(solution, sampling), "largest_torque_step_over_peak": float(jump)}
+    turning = ", ".join(turns.told(solution.problem.mechanism, s.gain).values()) or "none"
+    head = {**_head(solution, sampling), "turns_per_cycle": turning, "largest_torque_step_over_peak": float(jump)}
     return Dataset({"time": Array(("time",), sampling.instants, {"units": "s"}), **columns}, head)
 
 
@@ -93,18 +95,21 @@ def _columns(problem: Problem, s: Series) -> list[tuple[str, str, str, np.ndarra
     for i, (joint, name) in enumerate(zip(mechanism.actuated, _names(actuation.labels), strict=True)):
         angle, speed, acceleration, force = UNITS[mechanism.revolute[joint]]
         of = f"of drive {' '.join(actuation.labels[i].split())}"
+        adds, gained = "; each cycle adds {!r} {}", float(s.gain[joint])
+        on = adds.format(gained, angle) if gained else ""
         found += [
-            (f"q_M_{name}", angle, f"motor position {of}, output side of the gear", s.q_M[:, i]),
+            (f"q_M_{name}", angle, f"motor position {of}, output side of the gear{on}", s.q_M[:, i]),
             (f"v_M_{name}", speed, f"motor speed {of}, output side", s.v_M[:, i]),
             (f"tau_{name}", force, f"motor torque or force {of}, output side", s.tau[:, i]),
             (f"u_{name}", force, f"force on the joint {of}: its spring's, or a rigid drive's own", s.u[:, i]),
-            (f"q_A_{name}", angle, f"joint position {of}", s.q[:, joint]),
+            (f"q_A_{name}", angle, f"joint position {of}{on}", s.q[:, joint]),
             (f"v_A_{name}", speed, f"joint speed {of}", s.v[:, joint]),
             (f"a_A_{name}", acceleration, f"joint acceleration {of}", s.a[:, joint]),
         ]
         if (ratio := problem.gear_ratios[i]) is not None:  # the shaft turns where the output slides, too: rad per m
+            on = adds.format(ratio * gained, "rad") if gained else ""
             found += [
-                (f"q_shaft_{name}", "rad", f"motor position {of}, at its own shaft", ratio * s.q_M[:, i]),
+                (f"q_shaft_{name}", "rad", f"motor position {of}, at its own shaft{on}", ratio * s.q_M[:, i]),
                 (f"v_shaft_{name}", "rad/s", f"motor speed {of}, at its own shaft", ratio * s.v_M[:, i]),
                 (f"tau_shaft_{name}", "N m", f"motor torque {of}, at its own shaft", s.tau[:, i] / ratio),
             ]

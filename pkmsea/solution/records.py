@@ -56,7 +56,7 @@ class StartRecord(Record):
     stiffness: tuple[float, ...]
     iterations: int
     seconds: float
-    limited: bool
+    limited: tuple[str, ...]
     finished: bool
     repeats: int | None = None
 
@@ -75,6 +75,7 @@ def arrays_of(problem: Problem, motion: Motion) -> dict[str, Array]:
         "r_E": (("time", "axis"), s.r_E, "end-effector position", mechanism.end_effector_unit),
         "q": (("time", "joint"), s.q, "joint position", "rad or m, see joint_unit"),
         "v": (("time", "joint"), s.v, "joint velocity", "joint_unit per s"),
+        "gain": (("joint",), s.gain, "what each cycle adds to the joint position", "joint_unit"),
         "q_M": (("time", "drive"), s.q_M, "motor position (output side)", "rad or m"),
         "v_M": (("time", "drive"), s.v_M, "motor speed (output side)", "rad/s or m/s"),
         "tau": (("time", "drive"), s.tau, "motor torque or force", "N m or N, see force_unit"),

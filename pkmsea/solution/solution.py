@@ -14,7 +14,7 @@ import numpy as np
 from pkmsea.actuation.cost import ENERGY, positive
 from pkmsea.description import meshes
 from pkmsea.errors import SolveError, one_line
-from pkmsea.motion import Motion
+from pkmsea.motion import Motion, turns
 from pkmsea.motion.series import Series
 from pkmsea.problem import Cost, Problem, task_of
 from pkmsea.solution import netcdf
@@ -92,6 +92,11 @@ class Solution:
     def series(self) -> Series:
         """The whole motion on the audit's dense grid."""
         return self._audited[1]
+
+    @property
+    def turns(self) -> dict[str, str]:
+        """What joints gain per cycle, by their names, such as "'A' gains 1 turn"; empty where all return."""
+        return turns.told(self.problem.mechanism, self.series.gain)
 
     @property
     def value(self) -> float:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
-from pkmsea.errors import Infeasible, InputError, NotConverged, blaming
+from pkmsea.errors import Infeasible, InputError, NotConverged, SolveError, blaming
 from pkmsea.problem import Problem, build_problem
+from pkmsea.solution.contention import contention, least_widened
 from pkmsea.solution.refine import Refined, refine, unrefined
 from pkmsea.solution.solution import Solution
 from pkmsea.solver import Outcome, Start, multistart
-from pkmsea.solver.multistart import Progress, distinct, restart
+from pkmsea.solver.multistart import Progress, distinct, improve, restart
 from pkmsea.solver.spread import collect, spread
 from pkmsea.task import Task, load_task
 from pkmsea.transcription import Transcription, transcribe
@@ -55,7 +58,31 @@ def solve(
             starts, interrupted = multistart(transcription, workers, progress)
         else:
             starts, interrupted = [restart(transcription, near.motion)], False
-        return select(transcription, starts, workers=workers, begin=begin, interrupted=interrupted)
+        try:
+            return select(transcription, starts, workers=workers, begin=begin, interrupted=interrupted)
+        except (Infeasible, NotConverged) as error:
+            if (start := _by_widening(transcription, len(starts), error)) is None:
+                raise
+        return select(transcription, [*starts, start], workers=workers, begin=begin)
+
+
+def _by_widening(transcription: Transcription, index: int, error: SolveError) -> Start | None:
+    """Where no start found a motion: one from a motion that was led into the limits; None where nothing is limited.
+
+    Raises
+    ------
+    Infeasible : there is none; says which limits contend.
+    """
+    found = least_widened(transcription)
+    if found is None:
+        return None
+    if not found.kept:
+        contending = contention(transcription.problem, found)
+        told = Infeasible(f"{error.cause} {contending}", contending.remedy, key=error.key)
+        told.contention = contending
+        raise told from None
+    limited = tuple(side.bound.label for side, _ in found.shares)
+    return replace(improve(transcription, index, found.x, slice(None), limited=limited), finished=True)
 
 
 def _transcribed(source: Task | Problem | Transcription, setup: str | None) -> Transcription:
@@ -95,7 +122,7 @@ def select(
     if not candidates and interrupted:
         raise KeyboardInterrupt
     if not candidates:
-        raise _nothing_found(problem, starts)
+        raise _nothing_found(transcription, starts)
     found: list[Refined | None] = []
     if not interrupted:
         found, interrupted = _refined(transcription, workers, candidates, required)
@@ -149,23 +176,37 @@ def _unusable(problem: Problem) -> NotConverged:
     )
 
 
-def _nothing_found(problem: Problem, starts: Sequence[Start]) -> Infeasible | NotConverged:
-    counts: dict[str, int] = {}
-    for start in starts:
-        counts[start.outcome.value] = counts.get(start.outcome.value, 0) + 1
-    how = ", ".join(f"{count} {outcome}" for outcome, count in counts.items()) or "none ran"
-    key = f"setup '{problem.name}'"
+def _nothing_found(transcription: Transcription, starts: Sequence[Start]) -> Infeasible | NotConverged:
+    problem, counts = transcription.problem, Counter(start.outcome for start in starts)
+    how = ", ".join(f"{count} {outcome.value}" for outcome, count in counts.items()) or "none ran"
+    told, key = f"{len(starts)} starts: {how}", f"setup '{problem.name}'"
+    if starts and counts[Outcome.UNREACHABLE] == len(starts) and (reason := _unreachable(transcription)):
+        return Infeasible(
+            f"No path leads through the rest windows ({told}): {reason}.",
+            "Move the points, or raise options.starts"
+            + ("; a joint that may turn without end has type='continuous' in the URDF." if "gains" in reason else "."),
+            key=key,
+        )
     if any(start.outcome is Outcome.INFEASIBLE or start.limited for start in starts):
-        limits = ", ".join(sorted({f"{b.quantity} of {b.name}" for b in problem.bounds})) or "the rest windows"
-        patience = ", or options.iterations" if counts.get(Outcome.ITERATIONS.value) else ""
+        limits = ", ".join(bound.label for bound in problem.bounds) or "the rest windows"
+        patience = ", or options.iterations" if counts[Outcome.ITERATIONS] else ""
         return Infeasible(
             f"No motion was found that keeps the rest windows and the limits within the period of "
-            f"{problem.cycle.period:g} s ({len(starts)} starts: {how}).",
+            f"{problem.cycle.period:g} s ({told}).",
             f"Lengthen the period, widen the windows, or raise the limits ({limits}){patience}.",
             key=key,
         )
     return NotConverged(
-        f"No start found an optimum ({len(starts)} starts: {how}).",
+        f"No start found an optimum ({told}).",
         "Raise options.starts, options.iterations or options.time_limit, or narrow the stiffness bounds.",
         key=key,
     )
+
+
+def _unreachable(transcription: Transcription) -> str:
+    """Why the plain path cannot be followed."""
+    try:
+        transcription.start(None)
+    except FloatingPointError as error:
+        return str(error)
+    return ""

@@ -6,7 +6,7 @@ import numpy as np
 
 from pkmsea.actuation.equations import free_coordinates
 from pkmsea.kernels import Batch
-from pkmsea.motion import Basis
+from pkmsea.motion import Basis, turns
 from pkmsea.motion.bases import SplineBasis
 from pkmsea.problem import Problem
 from pkmsea.transcription.robot import RobotOnGrid
@@ -94,4 +94,4 @@ def _shared_load(problem: Problem, robot: RobotOnGrid, x: np.ndarray, rng: np.ra
             share[:, i] += size * _detour(rng, robot.t, robot.basis.period, max(HARMONICS))
     p = robot.split(x)[1]
     z = Batch(free_coordinates(actuation.structure), robot.samples)(q, v, a, share, p, actuation.r)[0]
-    return robot.basis.fit(robot.t, z)
+    return robot.basis.fit(robot.t, z - np.outer(robot.t, turns.of_free(actuation, robot.gain)) / robot.basis.period)

@@ -8,6 +8,7 @@ for the paper's analytical inverse kinematics. It is kept as the baseline; the d
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -63,7 +64,7 @@ class PaperTranscription(Transcription):
         )
         self.size = self.basis.size
         self.t = np.arange(self.samples) * period / self.samples
-        self.robot = RobotOnGrid(problem.actuation, self.basis, self.samples)
+        self.robot = RobotOnGrid(problem, self.basis, self.samples)
         self.delta, self.m = self.robot.delta, self.robot.m
         self._build()
 
@@ -161,15 +162,16 @@ class PaperTranscription(Transcription):
 
     def _limit_rows(self, rows: _Rows, signals: dict[str, ca.MX]) -> None:
         for bound in self.problem.bounds:
-            if bound.quantity.endswith("r_E"):
-                order = len(bound.quantity) - len("r_E")
-                signal = signals["Y"][order * self.delta + bound.index, :]
+            if bound.of_end_effector:
+                signal = signals["Y"][bound.order * self.delta + bound.index, :]
             else:
                 signal = signals[bound.quantity][bound.index, :]
             rows.add(signal, bound.lower, bound.upper)
 
     def start(self, rng: np.random.Generator | None) -> np.ndarray:
         flat = guess.start(self.problem, self.robot, rng)
+        if self.robot.gain.any():
+            raise FloatingPointError("a joint turns round, which the paper's transcription does not know")
         self.robot.start(flat)
         coefficients, theta = self.robot.split(flat)
         parts: dict[str, np.ndarray] = {"theta": theta if theta.size else np.zeros(1)}
@@ -198,7 +200,8 @@ class PaperTranscription(Transcription):
             for (name, structure), piece in zip(self._shapes.items(), pieces, strict=True)
         }
 
-    def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
+    def nlp(self, x: np.ndarray, limited: Collection[str] = (), seen: Sequence[np.ndarray] = ()) -> Nlp:
+        # it holds all limits, at its samples
         variables = []
         for name, values in self._parts(x).items():
             flat = values.ravel(order="F")
@@ -224,9 +227,6 @@ class PaperTranscription(Transcription):
             coefficients = parts["coefficients"].copy()
         actuation = self.problem.actuation
         return Motion.of(actuation, self.basis, coefficients, parts["theta"].ravel()[: len(actuation.parameters)])
-
-    def within_limits(self, x: np.ndarray) -> bool:
-        return True  # the NLP holds them at its samples
 
 
 def _refuse_extras(problem: Problem) -> None:

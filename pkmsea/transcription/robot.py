@@ -12,14 +12,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pkmsea.actuation import Actuation
 from pkmsea.actuation.signals import rows
 from pkmsea.bridge import _bridge
 from pkmsea.mechanism import pose
-from pkmsea.motion import Basis
+from pkmsea.motion import Basis, turns
 from pkmsea.motion.damping import DampedSprings
 from pkmsea.motion.periodic import derivative_weights
 from pkmsea.motion.poses import Poses, poses_along
+from pkmsea.problem import Problem
 from pkmsea.transcription.cells import make_cells
 from pkmsea.transcription.instants import Instants
 
@@ -34,12 +34,14 @@ class RobotOnGrid:
     ----------
     instants : the stage equations at the x that `at` was called with last.
     z : what torques, speeds and cost depend on (`pkmsea.actuation.signals`), (rows, samples).
+    gain : what each joint gains per period on the trajectory that `start` was called with (n,).
     local : index into x of each cell's local variables, (cells, local).
     """
 
-    def __init__(self, actuation: Actuation, basis: Basis, samples: int, limited: Sequence[int] = ()) -> None:
+    def __init__(self, problem: Problem, basis: Basis, samples: int, limited: Sequence[int] = ()) -> None:
         """`limited` are indices of (q, v, a) of all joints that are among the signals."""
-        self.actuation, self.basis, self.samples = actuation, basis, samples
+        self.actuation = actuation = problem.actuation
+        self.basis, self.samples, self._ranges = basis, samples, problem.ranges
         mechanism = actuation.mechanism
         self.delta, self.m, self.n = mechanism.mobility, actuation.m, mechanism.model.nq
         self.outputs = self.m  # entries of the flat output: delta + (m - delta)
@@ -50,11 +52,12 @@ class RobotOnGrid:
         self.springs = DampedSprings(actuation, basis.period, samples)
         self.cells = make_cells(basis, samples, HALF_WIDTH, whole=bool(self.springs.drives))  # they have a memory
         self.local = self._local_indices()
-        of_z = np.array(rows(actuation.structure, len(limited)), np.int32)
-        self.z = np.zeros((of_z.shape[0], samples))
-        self._grid = self._make_grid(of_z)
+        self._of_z = rows(actuation.structure, len(limited))
+        self.z = np.zeros((len(self._of_z), samples))
+        self._grid = self._make_grid(np.array(self._of_z, np.int32))
         self._poses = Poses(mechanism, samples)
         self._outputs = np.zeros_like(self.instants.s)  # with the deflections of the damped springs
+        self.gain = np.zeros(self.n)
         self._sign: dict[str, float] = {}
         self._x = np.full(self.size, np.nan)
         self._sloped = False
@@ -66,8 +69,16 @@ class RobotOnGrid:
         return x[:count].reshape(self.outputs, -1).T, x[count:]
 
     def start(self, x: np.ndarray) -> None:
-        """Find the poses along a first trajectory; those of the following ones are found from the last."""
-        self._last = x.copy(), poses_along(self._poses, self._path(x))
+        """Find the poses along a first trajectory; those of the following ones are found from the last.
+
+        Raises
+        ------
+        FloatingPointError : the trajectory leaves the workspace, or a joint gains what it must not.
+        """
+        q, self.gain = poses_along(self._poses, self._path(x), self._ranges)
+        if fault := turns.fault(self.actuation, self._ranges, self.gain):
+            raise FloatingPointError(fault)
+        self._last = x.copy(), q
         self._sign, self._x = {}, np.full(self.size, np.nan)
 
     def at(self, x: np.ndarray) -> None:
@@ -83,6 +94,7 @@ class RobotOnGrid:
         q, p = self._close(x), self.split(x)[1]
         e = self.instants
         self._grid.spread(x, e.w)
+        e.w[3 * self.delta :] += turns.of_free(self.actuation, self.gain)[:, None] * self.t / self.basis.period
         e.p[:], e.xi[: self.n] = p, q
         e.solve()
         for name, factors in e.factors.items():
@@ -97,7 +109,7 @@ class RobotOnGrid:
             self._outputs[i] += self.springs.deflection(i, p, u)
             numbers = self.springs.kernel(i, p), self.springs.slope(i, p, u)
             self._grid.filter(position, i, self.m + i, self.springs.parameter[i], *numbers)
-        self._grid.differentiate(self._outputs, self.z)
+        self._differentiate()
         self._last, self._x = (x.copy(), q), x.copy()
 
     def gradient(self, on_z: np.ndarray) -> np.ndarray:
@@ -138,6 +150,16 @@ class RobotOnGrid:
         A = np.array(pose.task_system(self.actuation.mechanism).map(self.samples)(q)[1])
         N = np.linalg.solve(A.reshape(self.n, self.samples, self.n).transpose(1, 0, 2), select)
         return np.asarray(N[:, self.actuation.mechanism.actuated])
+
+    def _differentiate(self) -> None:
+        """z from the outputs; what a position gains per period is no part of the periodic grid."""
+        rate = turns.of_motors(self.actuation, self.gain) / self.basis.period
+        turning = [i for i, kind in enumerate(self.actuation.kinds) if kind.sprung and rate[i]]
+        for i in turning:
+            self._outputs[i] -= rate[i] * self.t
+        self._grid.differentiate(self._outputs, self.z)
+        for i in turning:
+            self.z[[row == i and order == 1 for row, order in self._of_z]] += rate[i]
 
     def _path(self, x: np.ndarray) -> np.ndarray:
         """The end effector (delta, samples)."""

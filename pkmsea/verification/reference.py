@@ -18,6 +18,7 @@ from pkmsea.solution.store import damaged, load, read_dataset
 from pkmsea.verification.drives import Drives
 
 DEGREE = 5  # of the periodic splines through the samples
+TURN = 2 * np.pi  # [rad]
 SERIES = ("r_E", "q", "v", "q_M", "v_M", "tau", "u", "power", "energy")
 
 
@@ -56,15 +57,39 @@ class Reference:
         return Drives(self.problem.actuation, self.motion.stiffness, self.motion.parallel)
 
     @cached_property
+    def gain(self) -> np.ndarray:
+        """What each joint gains per period (n,): the whole turns between its last sample, carried on, and its first."""
+        q, v = self.series["q"], self.series["v"]
+        turns = np.round((q[-1] + v[-1] * (self.period - self.t[-1]) - q[0]) / TURN)
+        return np.where(self.problem.mechanism.revolute, turns * TURN, 0.0)
+
+    @cached_property
+    def gain_of_motors(self) -> np.ndarray:
+        """What each motor position gains per period (m,)."""
+        return self.gain[self.problem.mechanism.actuated]
+
+    @cached_property
+    def gain_of_states(self) -> np.ndarray:
+        """What the states gain per period (2n + 2e,)."""
+        e = self.gain_of_motors[self.drives.elastic]
+        return np.concatenate([self.gain, np.zeros_like(self.gain), e, np.zeros_like(e)])
+
+    @cached_property
     def states(self) -> np.ndarray:
         """x = (q, v, q_M, v_M) at the samples; motors of elastic drives only (K, 2n + 2e)."""
         elastic = self.drives.elastic
         motors = self.series["q_M"][:, elastic], self.series["v_M"][:, elastic]
         return np.hstack([self.series["q"], self.series["v"], *motors])
 
+    def drive(self, t: np.ndarray | float) -> np.ndarray:
+        """(tau, q_M, v_M) at times t (..., 3m): periodic splines through the samples, and what the motors gain."""
+        found = self._through(t)
+        m = self.gain_of_motors.size
+        found[..., m : 2 * m] += np.multiply.outer(np.asarray(t) / self.period, self.gain_of_motors)
+        return np.asarray(found)
+
     @cached_property
-    def drive(self) -> BSpline:
-        """(tau, q_M, v_M)(t), (3m,): periodic splines through the samples."""
+    def _through(self) -> BSpline:
         return self._spline(1)
 
     @cached_property
@@ -81,11 +106,17 @@ class Reference:
     def flat_series(self) -> np.ndarray:
         """The stored series that are entries of the flat output: r_E, then q_M, u or tau of the free drives (K, m)."""
         actuation = self.problem.actuation
-        z = [self.series[actuation.kinds[i].coordinate][:, i] for i in actuation.free]
+        z = [self._closed[actuation.kinds[i].coordinate][:, i] for i in actuation.free]
         return np.column_stack([self.series["r_E"], *z])
 
+    @cached_property
+    def _closed(self) -> dict[str, np.ndarray]:
+        """The series of the drives without what they gain, so that they are periodic."""
+        q_M = self.series["q_M"] - np.outer(self.t / self.period, self.gain_of_motors)
+        return self.series | {"q_M": q_M}
+
     def _spline(self, stride: int) -> BSpline:
-        values = np.hstack([self.series[name] for name in ("tau", "q_M", "v_M")])[::stride]
+        values = np.hstack([self._closed[name] for name in ("tau", "q_M", "v_M")])[::stride]
         closed = np.append(self.t[::stride], self.period), np.vstack([values, values[:1]])
         return make_interp_spline(*closed, k=DEGREE, bc_type="periodic")
 

@@ -77,6 +77,7 @@ def segments(robot: Robot, reference: Reference, number: int = SEGMENTS) -> Trac
         span = times[a : b + 1]
         found = _integrate(lambda t, x: robot.rate(t, x, drive(t)[:m]), reference.states[a], span, stiff)
         x[np.arange(a + 1, b + 1) % K] = found[1:]
+    x[0] -= reference.gain_of_states
     tau = reference.series["tau"]
     return Trace(reference.t, x, tau, np.zeros_like(tau))
 

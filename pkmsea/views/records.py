@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pkmsea.actuation.cost import ENERGY, Cost
-from pkmsea.errors import SolveError
+from pkmsea.errors import Infeasible, SolveError
+from pkmsea.motion.turns import TURN
 from pkmsea.paper import Row
 from pkmsea.solution import Solution
 from pkmsea.verification import Verification
@@ -55,7 +56,8 @@ def verifications(found: Mapping[str, Verification], failures: Mapping[str, Solv
 
 def solution_record(solution: Solution, reference: Solution | None) -> dict[str, Any]:
     """One solution; `ratio` is relative to the first setup, null where that one has failed."""
-    audit, optimality = solution.audit(), solution.optimality()
+    audit, optimality, series = solution.audit(), solution.optimality(), solution.series
+    joints = solution.problem.mechanism.joints
     return {
         "setup": solution.name,
         "energy": solution.energy,
@@ -70,6 +72,8 @@ def solution_record(solution: Solution, reference: Solution | None) -> dict[str,
         "gap": audit.gap,
         "power_balance": audit.balance,
         "closure": audit.closure,
+        "binding": list(audit.binding),
+        "turns": {name: gain / TURN for name, gain in zip(joints, series.gain.tolist(), strict=True) if gain},
         "optimality": optimality and asdict(optimality),
         "meshes": [vars(mesh) for mesh in solution.meshes],
         "optima": [asdict(optimum) for optimum in solution.optima],
@@ -97,4 +101,6 @@ def parallel_springs(solution: Solution) -> np.ndarray:
 
 
 def _failure(error: SolveError, cost: Cost = ENERGY, **what: Any) -> dict[str, Any]:
-    return {**what, cost.name: None, "ratio": None, "status": failure_status(error), "verified": False}
+    contending = error.contention if isinstance(error, Infeasible) else None
+    found = {**what, cost.name: None, "ratio": None, "status": failure_status(error), "verified": False}
+    return found | ({"contention": asdict(contending)} if contending else {})
