@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pkmsea.description.limits import joint_limits
 from pkmsea.description.xml import Element, number, numbers
 
 TURN = 2 * np.pi  # [rad]
@@ -38,10 +39,12 @@ def _angles(root: Element, file: Path) -> Iterator[str]:
 
 def _limits(root: Element, file: Path) -> Iterator[str]:
     for joint in root.findall("joint[@type='revolute']"):
-        limit, where = joint.find("limit"), f"joint '{joint.get('name')}'"
-        sides = [] if limit is None else [number(limit, side, file, where, "0") for side in ("lower", "upper")]
-        if sides and TURNS * TURN < max(map(abs, sides)) < np.inf:
-            yield f"{where}: limits {sides[0]:g} to {sides[1]:g} are many turns; angles are in rad, are these degrees?"
+        at = joint_limits(joint, file)
+        if TURNS * TURN < max(abs(at.lower), abs(at.upper)) < np.inf:
+            yield (
+                f"joint '{joint.get('name')}': limits {at.lower:g} to {at.upper:g} are many turns; angles are in rad, "
+                "are these degrees?"
+            )
 
 
 def _lengths(root: Element, file: Path) -> Iterator[str]:
