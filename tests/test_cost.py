@@ -33,7 +33,7 @@ def test_exact_derivatives(cost: Cost) -> None:
     problem = replace(build_problem(task("pkm_2rrr", [ELASTIC, RIGID])), cost=cost)
     flat = FlatTranscription(problem, Spline(kind="spline", knots=24), 96)
     x = flat.start(np.random.default_rng(3))
-    nlp = flat.nlp(x, limited=False)
+    nlp = flat.nlp(x)
     p = nlp.parameter(0, x)
     f, slope = (lambda at: float(nlp.oracle(at, p)[0])), nlp.derivatives["grad_f"]
     h = 1e-6

@@ -18,7 +18,6 @@ from pkmsea.description import CompleteDescription, Description, find, read
 from pkmsea.errors import InputError, MechanismError
 from pkmsea.files import Record, parse
 from pkmsea.mechanism import Mechanism, build_mechanism, load_mechanism, pose
-from pkmsea.views import sticks
 
 WRITTEN = {**five_bar.CONVENTIONS, "delta": spatial.delta, "welded": spatial.welded}
 PLAIN = (str, int, float, type(None), PurePath)
@@ -125,17 +124,3 @@ def test_a_foreign_description_is_checked(mechanisms: dict[str, Mechanism], chan
     data = json.loads(mechanisms["pkm_2rrr"].description.model_dump_json()) | change
     with pytest.raises(InputError, match=message):
         parse(Description, data, "result.nc")
-
-
-def test_meshes_are_looked_up_where_they_are_drawn(tmp_path: Path) -> None:
-    """The description keeps the name that the file gives; the drawn tree has the file, and sticks elsewhere."""
-    folder = five_bar.native(tmp_path / "robot")
-    file, mesh = folder / "robot.urdf", folder / "arm.stl"
-    mesh.write_text("solid")
-    visual = '<visual><geometry><mesh filename="package://robot/arm.stl"/></geometry></visual>'
-    file.write_text(file.read_text().replace('<link name="upper_A">', f'<link name="upper_A">{visual}'))
-    mechanism = load_mechanism(folder)
-    assert 'filename="package://robot/arm.stl"' in mechanism.description.tree and not mechanism.description.notes
-    assert f'filename="{mesh}"' in sticks.drawn(mechanism, folder) and "cylinder" in sticks.drawn(mechanism, folder)
-    mesh.unlink()
-    assert "arm.stl" not in sticks.drawn(mechanism, folder)

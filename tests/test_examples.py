@@ -69,7 +69,7 @@ def test_own_ocp(tmp_path: Path) -> None:
         cost=CopperLoss(),
     )
     found = solve(posed, workers=1)
-    assert float(told.split("loss")[1].split("J")[0]) == pytest.approx(found.energy, abs=1e-4)
+    assert float(told.split("loss")[1].split("J")[0]) == pytest.approx(found.value, abs=1e-4)
     springs = [float(c) for c in told.split("[")[1].split("]")[0].split()]
     assert springs == pytest.approx(found.stiffness, abs=1e-3)
 

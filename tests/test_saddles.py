@@ -91,7 +91,7 @@ def test_a_saddle_is_left_downhill(tmp_path: Path) -> None:
     problem = build_problem(symmetric("delta", "rigid", arch(0.08, 0.03, -0.28), 0.6, tmp_path))
     transcription = transcribe(problem)
     start = run_start(transcription, 0)
-    nlp = transcription.nlp(start.x, False)
+    nlp = transcription.nlp(start.x)
     p = last_parameter(nlp, start.x)
     direction, curvature = descent(nlp, start.x, p)
     z = start.x / nlp.stacked("scale")
@@ -100,5 +100,5 @@ def test_a_saddle_is_left_downhill(tmp_path: Path) -> None:
         assert side - here == pytest.approx(curvature * 1e-4 / 2, rel=0.2)
     left = leave_saddles(transcription, start)
     assert left.claimed < start.claimed and np.isfinite(left.claimed)
-    nlp = transcription.nlp(left.x, False)
+    nlp = transcription.nlp(left.x)
     assert descent(nlp, left.x, last_parameter(nlp, left.x)) is None

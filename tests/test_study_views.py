@@ -18,12 +18,12 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from pkmsea.study import Progress, Study, StudyResult
+from pkmsea.study.answers import axes_of, parts_of
 from pkmsea.study.table import DONE, FAILED, UNVERIFIED, VERIFIED
 from pkmsea.views import study_table
 from pkmsea.views.figures import save_figure
 from pkmsea.views.scatter import FAILED_AT
 from pkmsea.views.study import study_figure, write_points
-from pkmsea.views.study_panels import axes_of, parts_of
 from pkmsea.views.sweep import crossings, relative
 
 REASON = "no two successive meshes agree"

@@ -129,7 +129,7 @@ def test_observed_order_of_the_optimal_energy() -> None:
     energies = []
     for knots in (25, 50, 100, 200):
         transcription = FlatTranscription(problem, Spline(kind="spline", knots=knots), 4 * knots)
-        point = solve_nlp(transcription.nlp(transcription.start(None), limited=False), problem.options)
+        point = solve_nlp(transcription.nlp(transcription.start(None)), problem.options)
         energies.append(transcription.claimed(point.x))
     errors = np.array(energies[:-1]) - energies[-1]
     assert np.all(np.log2(errors[:-1] / errors[1:]) > 1.7)
@@ -148,7 +148,7 @@ def test_paper_transcription_by_integrator_chains() -> None:
     options = {"transcription": "paper", "trajectory": {"kind": "chain"}, "samples": 40, "starts": 1}
     transcription = transcribe(build_problem(task("linear_axis_2", SLIDER_ELASTIC, options=options)))
     x = transcription.start(None)
-    nlp = transcription.nlp(x, limited=False)
+    nlp = transcription.nlp(x)
     g = np.array(nlp.oracle(x, 0.0)[1]).ravel()
     equations = nlp.g_lower == nlp.g_upper
     assert np.abs(g[equations]).max() < 0.05

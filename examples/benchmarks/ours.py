@@ -74,12 +74,14 @@ def solve(transcription: Transcription, x: np.ndarray, last_step: bool = False) 
     `last_step` leaves out the steps before it, for starts near a solution.
     """
     begin, points = time.perf_counter(), []
-    for limited in (False, True):
+    limited: tuple[str, ...] = ()
+    for _ in range(2):
         nlp = transcription.nlp(x, limited)
         steps = range(nlp.steps - 1 if last_step else 0, nlp.steps)
         points.append(solve_nlp(nlp, transcription.problem.options, steps, warm=last_step))
         x = points[-1].x
-        if not points[-1].usable or transcription.within_limits(x):
+        limited = transcription.near_limits(x, 0.0)
+        if not points[-1].usable or not limited:
             break
     record = {
         "outcome": points[-1].outcome.value,

@@ -9,12 +9,12 @@ import pinocchio as pin
 from lxml import etree
 
 from pkmsea.description import meshes
-from pkmsea.description.tree import SIZES, UNSET, placement
+from pkmsea.description.limits import ENDLESS, LARGEST, POSITIONS
+from pkmsea.description.tree import SIZES, placement
 from pkmsea.description.units import slips
 from pkmsea.description.xml import Element, axis, number, numbers, text
 from pkmsea.errors import MechanismError, NameNotFound
 
-ENDLESS = {"revolute": 1e3, "prismatic": 10.0}  # limits of a joint that has none [rad, m]
 KEPT = {
     "robot": ("link", "joint", "material"),
     "link": ("inertial", "visual"),
@@ -28,8 +28,8 @@ TRIANGLE = 1e-6  # how far the largest moment may exceed the sum of the others, 
 def clean(root: Element, file: Path, locked: dict[str, float]) -> list[str]:
     """Mend a checked URDF in place, and return a note on every change that matters.
 
-    Continuous joints and joints without limits get wide ones; `locked` joints become fixed; meshes that are not found
-    are left out; elements that are not of the tree (sensors, transmissions, collisions) go.
+    Every moving joint gets a whole <limit>; `locked` joints become fixed; meshes that are not found or damaged are left
+    out; elements that are not of the tree (sensors, transmissions, collisions) go.
 
     Raises
     ------
@@ -46,14 +46,14 @@ def clean(root: Element, file: Path, locked: dict[str, float]) -> list[str]:
     if lossy := [f"'{name}'" for name, joint in joints.items() if _has_dynamics(joint)]:
         which = f"joint {lossy[0]}" if len(lossy) == 1 else f"joints {', '.join(lossy)}"
         notes.append(f"{which}: friction, damping and armature are not read; drives state theirs in the task")
-    for name, joint in joints.items():
-        _widen(joint, name, notes)
+    for joint in joints.values():
+        _complete_limit(joint)
     notes += _inertia_notes(root, file)
     for element in [root, *root.findall("link"), *root.findall("joint")]:
         for child in list(element):
             if child.tag not in KEPT[str(element.tag)]:
                 element.remove(child)
-    return notes + _shape_notes(root) + _mesh_notes(meshes.drop_missing(root, file.parent))
+    return notes + _shape_notes(root) + meshes.shown(root, file.parent)[1]
 
 
 def _has_dynamics(joint: Element) -> bool:
@@ -97,23 +97,16 @@ def _lock(joint: Element, value: float, file: Path) -> None:
     joint.set("type", "fixed")
 
 
-def _widen(joint: Element, name: str, notes: list[str]) -> None:
-    kind = joint.get("type", "")
-    if kind == "fixed":
+def _complete_limit(joint: Element) -> None:
+    """All four numbers of a moving joint's <limit>, finite, as parsers ask for them; what is no limit stays none."""
+    if joint.get("type") == "fixed":
         return
     limit = joint.find("limit")
     if limit is None:
         limit = etree.SubElement(joint, "limit")
-    if kind == "continuous" or tuple(float(limit.get(side, "0")) for side in ("lower", "upper")) == UNSET:
-        kind = "prismatic" if kind == "prismatic" else "revolute"
-        if kind == "prismatic":
-            notes.append(f"joint '{name}': has no limits; {-ENDLESS[kind]:g} to {ENDLESS[kind]:g} m are taken")
-        limit.set("lower", str(-ENDLESS[kind]))
-        limit.set("upper", str(ENDLESS[kind]))
-        joint.set("type", kind)
-    for side in ("lower", "upper", "effort", "velocity"):
-        if not _is_number(limit.get(side, "")):
-            limit.set(side, "0")
+    for key in (*POSITIONS, *LARGEST):
+        number = float(limit.get(key, "").strip() or "0")
+        limit.set(key, text([min(max(number, -ENDLESS), ENDLESS)]))
 
 
 def _inertia_notes(root: Element, file: Path) -> list[str]:
@@ -142,14 +135,6 @@ def _inertia_notes(root: Element, file: Path) -> list[str]:
         if moments[2] > (moments[0] + moments[1]) * (1 + TRIANGLE):
             notes.append(f"link '{name}': no rigid body has this inertia, one moment exceeds the sum of the others")
     return notes
-
-
-def _mesh_notes(missing: list[str]) -> list[str]:
-    """One note for all meshes that are not found."""
-    if not missing:
-        return []
-    names = ", ".join(sorted(set(missing))[:3])
-    return [f"{len(set(missing))} mesh file(s) are not beside the tree and are not drawn: {names}"]
 
 
 def _is_number(word: str) -> bool:

@@ -9,6 +9,7 @@ from typing import Any, Self
 from pydantic import Field, model_validator
 
 from pkmsea.description import tree, xml
+from pkmsea.description.limits import JointLimits, joint_limits
 from pkmsea.description.parts import Closure, Coupling, EndEffector, Frame, Number, Plane, Vector3
 from pkmsea.files import Name, Record
 
@@ -91,6 +92,13 @@ class Description(Record):
     def _is_a_tree(self) -> Self:
         tree.check(xml.parse_text(self.tree.encode(), self.origin.tree), self.origin.tree)
         return self
+
+    @property
+    def limits(self) -> dict[str, JointLimits]:
+        """What the tree says of each moving joint's limits, by its name."""
+        joints = xml.parse_text(self.tree.encode(), self.origin.tree).findall("joint")
+        moving = (joint for joint in joints if joint.get("type") != "fixed")
+        return {joint.get("name", ""): joint_limits(joint, self.origin.tree) for joint in moving}
 
     @property
     def digest(self) -> str:

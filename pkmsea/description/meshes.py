@@ -7,34 +7,52 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import numpy as np
+
 from pkmsea.description import xml
 from pkmsea.description.description import Description
+from pkmsea.description.surfaces import FORMATS, Surface, read_surfaces
 from pkmsea.description.xml import Element
 from pkmsea.files import is_file
 
-FORMATS = (".stl", ".dae", ".obj")
 MAX_BYTES = 100_000_000
 PATH = "ROS_PACKAGE_PATH"
 
 
-def drop_missing(root: Element, folder: Path) -> list[str]:
-    """Leave out the visuals whose mesh is not found; returns the names of these meshes."""
-    missing = []
+def shown(root: Element, folder: Path) -> tuple[dict[Element, list[Surface]], list[str]]:
+    """What the visuals of a tree that have a mesh show [m]; those whose mesh is not found or shows nothing are left
+    out, and noted."""
+    found: dict[Element, list[Surface]] = {}
+    missing, notes = dict[str, None](), dict[str, None]()
     for visual in root.findall("link/visual"):
-        for mesh in visual.findall("geometry/mesh"):
-            name = mesh.get("filename", "")
-            if resolve(name, folder) is None:
-                missing.append(name)
-                visual.getparent().remove(visual)
-                break
-    return missing
+        mesh = visual.find("geometry/mesh")
+        if mesh is None:
+            continue
+        name = mesh.get("filename", "")
+        if (path := resolve(name, folder)) is None:
+            missing[name] = None
+        else:
+            try:
+                found[visual] = [surface.scaled(_scale(mesh)) for surface in read_surfaces(path)]
+            except ValueError as error:
+                notes[f"mesh '{name}' is not drawn: {error}"] = None
+        if visual not in found:
+            visual.getparent().remove(visual)
+    if missing:
+        names = ", ".join(sorted(missing)[:3])
+        notes[f"{len(missing)} mesh file(s) are not beside the tree and are not drawn: {names}"] = None
+    return found, list(notes)
 
 
-def resolve_all(root: Element, folder: Path) -> None:
-    """Replace mesh names by absolute paths; visuals whose mesh is not found are left out."""
-    drop_missing(root, folder)
-    for mesh in root.findall("link/visual/geometry/mesh"):
-        mesh.set("filename", str(resolve(mesh.get("filename", ""), folder)))
+def _scale(mesh: Element) -> np.ndarray:
+    text = mesh.get("scale", "1 1 1")
+    try:
+        scale = np.array([float(word) for word in text.split()])
+    except ValueError:
+        scale = np.array([np.nan])
+    if scale.shape != (3,) or not np.isfinite(scale).all():
+        raise ValueError(f"its scale is '{text}'")
+    return scale
 
 
 def resolve(name: str, folder: Path) -> Path | None:

@@ -11,6 +11,7 @@ from lxml import etree
 
 from pkmsea.description.clean import clean
 from pkmsea.description.description import Description, Origin
+from pkmsea.description.limits import placeholder_notes
 from pkmsea.description.locate import find
 from pkmsea.description.source import Source, read_source
 from pkmsea.errors import MechanismError
@@ -27,7 +28,8 @@ def read(source: str | Path) -> Description:
     """
     said = read_source(find(source))
     draft = said.draft
-    notes = [*said.notes, *clean(said.root, said.tree, draft.locked)]
+    placeholders = placeholder_notes(said.root, draft.locked, draft.actuated, said.tree)
+    notes = [*said.notes, *placeholders, *clean(said.root, said.tree, draft.locked)]
     text = etree.tostring(said.root, encoding="unicode")
     _validate(text, said.tree)
     data = {

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pkmsea.description.limits import joint_limits
 from pkmsea.description.xml import Element, axis, number, numbers
 from pkmsea.errors import MechanismError, NameNotFound
 
@@ -30,7 +31,6 @@ HOME = {  # where an element stands; elsewhere, or for the second time, it would
 }
 PRIVATE = ("self_filter", "collision_checking", "sensor", "surface", "contact")  # have elements of their own
 MANY = ("link", "joint", "visual")
-UNSET = (0.0, 0.0)  # limits that CAD exporters write where nobody set any
 NEGATIVE = -1e-9  # smallest principal moment that rounding explains, relative to the largest
 
 
@@ -135,18 +135,7 @@ def _check_joint(joint: Element, key: str, file: Path) -> None:
         return
     if not any(axis(joint, file, key)):
         raise MechanismError("The axis is zero.", "Give a direction, such as 0 0 1.", file=file, key=f"{key} axis")
-    limit = joint.find("limit")
-    if limit is None or kind == "continuous" or (limit.get("lower") is None and limit.get("upper") is None):
-        return
-    lower, upper = (number(limit, side, file, f"{key} limit", "0") for side in ("lower", "upper"))
-    if lower >= upper and (lower, upper) != UNSET:
-        raise MechanismError(
-            "The limits leave the joint no room.",
-            "Correct them; or make the joint type='fixed', or name it under 'locked'.",
-            file=file,
-            key=f"{key} limit",
-            value=[lower, upper],
-        )
+    joint_limits(joint, file)
 
 
 def _check_connected(links: list[str], parent_of: dict[str, str], file: Path) -> None:

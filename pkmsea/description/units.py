@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pkmsea.description.limits import joint_limits
 from pkmsea.description.xml import Element, number, numbers
 
 TURN = 2 * np.pi  # [rad]
-TURNS = 4  # a joint rarely makes more to one side
+TURNS = 2  # a joint rarely makes more to one side
 LONG = 20.0  # [m]; a link is rarely longer
 LEAN = 0.02  # of a link's length; a slender rod has a radius of gyration of 0.29, one of 0.009 if its mass is in grams
 MOMENTS = ("ixx", "iyy", "izz")
@@ -38,10 +39,12 @@ def _angles(root: Element, file: Path) -> Iterator[str]:
 
 def _limits(root: Element, file: Path) -> Iterator[str]:
     for joint in root.findall("joint[@type='revolute']"):
-        limit, where = joint.find("limit"), f"joint '{joint.get('name')}'"
-        sides = [] if limit is None else [number(limit, side, file, where, "0") for side in ("lower", "upper")]
-        if sides and TURNS * TURN < max(map(abs, sides)) < np.inf:
-            yield f"{where}: limits {sides[0]:g} to {sides[1]:g} are many turns; angles are in rad, are these degrees?"
+        at = joint_limits(joint, file)
+        if TURNS * TURN < max(abs(at.lower), abs(at.upper)) < np.inf:
+            yield (
+                f"joint '{joint.get('name')}': limits {at.lower:g} to {at.upper:g} are many turns; angles are in rad, "
+                "are these degrees?"
+            )
 
 
 def _lengths(root: Element, file: Path) -> Iterator[str]:

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pkmsea.bridge import TreeFunctions
-from pkmsea.description import CompleteDescription
+from pkmsea.description import CompleteDescription, JointLimits
 from pkmsea.mechanism.conditioning import turning
 
 ActuationClass = Literal["fully actuated", "redundantly actuated", "underactuated"]
@@ -89,6 +89,18 @@ class ClosedTree:
     def end_effector_unit(self) -> str:
         """That of all coordinates of r_E; 'rad, m' where they differ."""
         return ", ".join(dict.fromkeys(self.end_effector_units))
+
+    @cached_property
+    def turnable(self) -> list[bool]:
+        """Whether a whole turn of each joint leaves the pose as it is (n): it turns, and is coupled to no other."""
+        coupled = {name for c in self.description.couplings for name in (c.joint, c.of)}
+        return [turns and name not in coupled for name, turns in zip(self.joints, self.revolute, strict=True)]
+
+    @cached_property
+    def limits(self) -> list[JointLimits]:
+        """Of each joint (n)."""
+        limits = self.description.limits
+        return [limits[name] for name in self.joints]
 
     @property
     def actuation_class(self) -> ActuationClass:

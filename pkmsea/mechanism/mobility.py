@@ -54,7 +54,7 @@ def close_loops(
     if len(rows) == model.nq:
         raise MechanismError(
             "The closed mechanism cannot move.",
-            "Remove a closure, a coupling, or a lock.",
+            plane.remedy(model, description) or "Remove a closure, a coupling, or a lock.",
             **description.where("closures"),
         )
     proposed = False

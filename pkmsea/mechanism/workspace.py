@@ -11,6 +11,7 @@ from pkmsea.mechanism import pose
 from pkmsea.mechanism.mechanism import Mechanism
 
 RAYS = 24  # along which the extent is probed
+STROKE = 20.0  # of a sliding joint without limits [m]
 CELLS = 64  # of the grid, across the larger extent
 
 
@@ -51,7 +52,8 @@ def extent(mechanism: Mechanism) -> np.ndarray:
     Where joints are followed, a turn [rad] or the stroke [m] of each.
     """
     model, follower = mechanism.model, mechanism.description.end_effector
-    strokes = np.where(mechanism.revolute, 0.0, model.upperPositionLimit - model.lowerPositionLimit)
+    strokes = np.minimum(model.upperPositionLimit - model.lowerPositionLimit, STROKE)
+    strokes = np.where(mechanism.revolute, 0.0, strokes)
     if follower.joints:
         own = np.where(mechanism.revolute, 2 * np.pi, strokes)
         return own[[mechanism.joints.index(name) for name in follower.joints]]

@@ -16,7 +16,7 @@ from pkmsea.motion.damping import DampedSprings, compliance
 from pkmsea.motion.motion import Motion
 from pkmsea.motion.periodic import derivative, filtered, frequencies
 from pkmsea.motion.poses import Poses, poses_along
-from pkmsea.problem import Problem
+from pkmsea.problem import Bound, Problem
 
 POINTS = 4000  # at least, per period; many more than any transcription's grid
 PER_MODE = 40  # and at least so many per highest harmonic of the basis
@@ -36,6 +36,11 @@ class Series:
     tau: np.ndarray
     u: np.ndarray
     power: np.ndarray
+
+    def limited(self, bound: Bound) -> np.ndarray:
+        """What a bound of drives or joints limits."""
+        of = {"tau": self.tau, "speed": self.v_M, "q": self.q, "dq": self.v, "ddq": self.a}
+        return of[bound.quantity][:, bound.index]
 
 
 def series(problem: Problem, motion: Motion, points: int | None = None) -> Series:

@@ -21,23 +21,11 @@ from pkmsea.actuation.cost import ENERGY, Cost
 from pkmsea.errors import InputError, Unreachable, one_line
 from pkmsea.files import Name
 from pkmsea.mechanism import Mechanism
+from pkmsea.problem.bounds import Bound, bounds_of, check_points
 from pkmsea.task import Cycle, OperatingPoint, Options, Payload, TaskLimits
 
 NAME = TypeAdapter(Name)  # result files and figures have it
-
-
-@dataclass(frozen=True)
-class Bound:
-    """A box on one signal at every instant: `quantity` of `name` between lower and upper.
-
-    quantity: r_E, dr_E, ddr_E (of an axis), q, dq, ddq (of a joint), tau or speed (of a drive); index in its order.
-    """
-
-    quantity: str
-    index: int
-    name: str
-    lower: float
-    upper: float
+CORNERS = (-1.0, 0.0, 1.0)  # of a window, along each axis
 
 
 @dataclass(frozen=True, repr=False)
@@ -92,6 +80,8 @@ class Problem:
                 raise InputError(f"{error}.", "Correct it.", key="payload") from None
         for derived in ("actuation", "bounds"):  # they raise where something does not fit
             getattr(self, derived)
+        centers = self.actuation.poses[:: len(CORNERS) ** len(axes)]
+        check_points(self.bounds, self.cycle, self.mechanism, centers)
 
     def _check_name(self, key: str) -> None:
         try:
@@ -120,13 +110,17 @@ class Problem:
 
     @cached_property
     def bounds(self) -> tuple[Bound, ...]:
-        """Limits of the end effector, the joints and the drives."""
-        axes = [str(axis) for axis in self.mechanism.description.end_effector.coordinates]
-        return (
-            *_bounds("end_effector", ("r_E", "dr_E", "ddr_E"), axes, self.limits),
-            *_bounds("joints", ("q", "dq", "ddq"), self.mechanism.joints, self.limits),
-            *_drive_bounds(self.actuation),
-        )
+        """Limits of the end effector, the joints and the drives; see `pkmsea.problem.bounds`."""
+        return bounds_of(self.actuation, self.limits)
+
+    @cached_property
+    def ranges(self) -> np.ndarray:
+        """Lower and upper limit of each joint's position, infinite where there is none (2, n)."""
+        found = np.full((2, len(self.mechanism.joints)), np.inf) * [[-1.0], [1.0]]
+        for bound in self.bounds:
+            if bound.quantity == "q":
+                found[:, bound.index] = bound.lower, bound.upper
+        return found
 
     @property
     def kappa(self) -> np.ndarray:
@@ -147,39 +141,12 @@ class Problem:
         return np.asarray(np.maximum(spread, 0.1 * max(spread.max(), 1e-6)))
 
 
-def _bounds(group: str, quantities: tuple[str, ...], names: list[str], limits: TaskLimits) -> list[Bound]:
-    limit = getattr(limits, group)
-    for name in limit.named:
-        if name not in names:
-            raise InputError(
-                f"There is no {'axis' if group == 'end_effector' else 'joint'} '{name}'.",
-                f"Use one of: {', '.join(names)}.",
-                key=f"limits.{group}",
-            )
-    found = []
-    for order, quantity in enumerate(quantities):
-        for index, name in enumerate(names):
-            lower, upper = limit.bounds(order, name)
-            if np.isfinite(lower) or np.isfinite(upper):
-                found.append(Bound(quantity, index, name, lower, upper))
-    return found
-
-
-def _drive_bounds(actuation: Actuation) -> list[Bound]:
-    return [
-        Bound(quantity, i, actuation.labels[i], -largest, largest)
-        for quantity, key in (("tau", "torque"), ("speed", "speed"))
-        for i, drive in enumerate(actuation.drives)
-        if (largest := getattr(drive, key)) is not None
-    ]
-
-
 @lru_cache(maxsize=64)
 def _poses(mechanism: Mechanism, points: tuple[OperatingPoint, ...]) -> tuple[np.ndarray, ...]:
-    """Poses of all operating points; they and every corner of their windows must be reachable."""
+    """Poses at all operating points, each before those at the corners of its window; all must be reachable."""
     poses = []
     for i, point in enumerate(points):
-        corners = product(*[(-1.0, 0.0, 1.0)] * len(point.at))
+        corners = product(*[CORNERS] * len(point.at))
         for corner in sorted(corners, key=lambda c: float(np.abs(c).sum())):
             target = np.array(point.at) + np.array(corner) * point.per_axis("window")
             try:

@@ -12,7 +12,8 @@ from pkmsea.errors import one_line
 from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
 from pkmsea.motion import Motion, Series, series
-from pkmsea.problem import Bound, Problem
+from pkmsea.problem import Problem
+from pkmsea.problem.bounds import TOUCHING
 
 PER_WINDOW = 400  # points per rest window, edges included
 BETWEEN_SINGULAR = 10  # grid points from one look at the distance to singularities to the next
@@ -37,6 +38,7 @@ class Audit:
     closure : largest closure residual [m].
     window : largest excess over a rest window at any instant, in its own units [m, rad]; zero or negative if kept.
     limits : relative excess per limited quantity, e.g. {"tau A": -0.4}; negative if kept.
+    binding : the limits that the motion reaches, and the bounds of springs, such as 'tau A <= 0.3'.
     balance : |integral of tau v_M less the power of friction, dampers, payload|, relative likewise; zero if periodic.
     inverse, direct : smallest distance to singularities of type 1 and 2 along the motion, in [0, 1].
     faults : what keeps the result from being verified, one sentence each.
@@ -50,6 +52,7 @@ class Audit:
     closure: float
     window: float
     limits: dict[str, float]
+    binding: tuple[str, ...]
     balance: float
     inverse: float
     direct: float
@@ -83,7 +86,12 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     closed = mechanism.functions["closure_residual"].map(s.t.size)(s.q.T)
     closure = float(np.abs(np.array(closed)).max(initial=0.0))
     window, outside = _window_excess(problem, motion), _out_of_bounds(problem, motion)
-    limits = {f"{b.quantity} {b.name}": _limit_excess(b, s, motion, problem) for b in problem.bounds}
+    signals = {
+        b: motion.flat_output(s.t, b.order)[:, b.index] if b.of_end_effector else s.limited(b) for b in problem.bounds
+    }
+    limits = {bound.label: bound.excess(values) for bound, values in signals.items()}
+    touched = [side for bound, values in signals.items() for side in bound.touched(values)]
+    binding = (*touched, *_springs_at_bounds(problem, motion))
     checks = [
         (
             gap > problem.options.energy_tolerance,
@@ -97,7 +105,9 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     ]
     faults = tuple(text for failed, text in checks if failed)
     to_inverse, to_direct = float(inverse.min()), float(direct.min())
-    return Audit(value, claimed, scale, gap, closure, window, limits, balance, to_inverse, to_direct, faults, cost), s
+    return Audit(
+        value, claimed, scale, gap, closure, window, limits, binding, balance, to_inverse, to_direct, faults, cost
+    ), s
 
 
 def _window_excess(problem: Problem, motion: Motion) -> float:
@@ -119,12 +129,14 @@ def _out_of_bounds(problem: Problem, motion: Motion) -> float:
     return float((np.abs(given - nearest) / np.maximum(np.abs(given), LIMIT_EXCESS)).max(initial=0.0))
 
 
-def _limit_excess(bound: Bound, s: Series, motion: Motion, problem: Problem) -> float:
-    """Largest excess over a limit, relative to the larger of its two sides."""
-    i = bound.index
-    if bound.quantity.endswith("r_E"):
-        values = motion.flat_output(s.t, len(bound.quantity) - len("r_E"))[:, i]
-    else:
-        values = {"tau": s.tau, "speed": s.v_M, "q": s.q, "dq": s.v, "ddq": s.a}[bound.quantity][:, i]
-    size = max(abs(x) for x in (bound.lower, bound.upper) if np.isfinite(x))
-    return float(max((bound.lower - values).max(), (values - bound.upper).max()) / max(size, 1e-12))
+def _springs_at_bounds(problem: Problem, motion: Motion) -> list[str]:
+    """Numbers of springs that are optimised and have come to an end of their range."""
+    found = []
+    values = {"c": motion.stiffness, "k": motion.parallel[:, 0], "rest": motion.parallel[:, 1]}
+    for p in problem.actuation.parameters:
+        at, name = values[p.kind][p.drive], f"{p.kind} {p.label}"
+        near = TOUCHING * (at if p.logarithmic else p.high - p.low)
+        if p.low < p.high:
+            found += [f"{name} >= {p.low:.4g}"] if at <= p.low + near else []
+            found += [f"{name} <= {p.high:.4g}"] if at >= p.high - near else []
+    return found

@@ -8,6 +8,7 @@ import numpy as np
 
 from pkmsea.motion import Motion
 from pkmsea.problem import Problem
+from pkmsea.problem.bounds import TOUCHING
 from pkmsea.solution.refine import Mesh
 from pkmsea.solver.ipopt import STAGNANT, Outcome
 from pkmsea.solver.optimality import SAVING, Optimality, last_parameter, optimality
@@ -37,14 +38,15 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
         if not np.allclose(new, old, rtol=SAME, atol=SAME * np.abs(old).max(initial=0.0)):
             return None
     found = None
-    for limited in (False, True):  # like the solve, which puts the limits of drives and joints in where they are needed
+    for within in (None, TOUCHING):  # like the solve, which puts the limits of drives and joints in where it needs them
         try:
+            limited = () if within is None else transcription.near_limits(x, within)
             nlp = transcription.nlp(x, limited)
             p = last_parameter(nlp, x)
             J = float(nlp.oracle(x, p)[0])
             found = optimality(nlp, x, p, problem.cost.in_objective(unit, transcription.claimed(x), J), allowed)
         except (FloatingPointError, RuntimeError):  # CasADi's word for a point that cannot be evaluated
             return None
-        if found.stationary or not problem.bounds:
+        if found.stationary:
             break
     return found

@@ -56,7 +56,7 @@ class StartRecord(Record):
     stiffness: tuple[float, ...]
     iterations: int
     seconds: float
-    limited: bool
+    limited: tuple[str, ...]
     finished: bool
     repeats: int | None = None
 

@@ -18,6 +18,9 @@ CUT_OFF = 120  # iterations per step: most starts need 20 to 80, and those that 
 FINISHED = 4  # starts at least that go on
 AGREEING = 8  # starts that find one optimum between them are enough
 LEAST = 1e-3  # [s] that a time limit leaves a solve
+ROUNDS = 5  # of solving with more limits, at most
+KEPT = 1e-7  # of a limit's size: overstepped by no more
+NEAR = 0.2  # of a limit's size: what comes so near goes into the NLP with those that are overstepped
 GUESS_TRIES = 8  # random paths drawn per start until one stays in the workspace, clear of singularities
 
 Progress = Callable[["Start"], None]
@@ -33,7 +36,7 @@ class Start:
     x : the NLP's variables; None where no start could be made.
     claimed : value of the cost as the transcription sees it; infinite where there is no usable point.
     stiffness : of the elastic drives.
-    limited : whether the limits of drives and joints had to be put into the NLP.
+    limited : labels of the limits of drives and joints that had to be put into the NLP.
     finished : whether it was among the best and went on to the full sharpness; the others were only screened.
     repeats : index of the better start whose optimum it found, too; None where it is the best of its own.
     """
@@ -45,7 +48,7 @@ class Start:
     stiffness: tuple[float, ...]
     iterations: int
     seconds: float
-    limited: bool = False
+    limited: tuple[str, ...] = ()
     finished: bool = False
     repeats: int | None = None
 
@@ -77,13 +80,14 @@ def improve(
     x: np.ndarray,
     steps: slice,
     *,
-    limited: bool = False,
+    limited: tuple[str, ...] = (),
     warm: bool = False,
     begin: float | None = None,
 ) -> Start:
-    """Solve some steps from x: without the limits of drives and joints unless `limited`, then with them if needed.
+    """Solve some steps from x: with the limits of drives and joints that are `limited`, then with those it needs, too.
 
-    `warm` is for an x that is nearly optimal; otherwise, what takes many iterations is cut off.
+    `warm` is for an x that is nearly optimal; otherwise, what takes many iterations is cut off. Limits hold between the
+    samples as the x there does, from which an NLP is made: a warm one is made again until it has no effect.
     """
     begin = time.perf_counter() if begin is None else begin
     options, iterations = transcription.problem.options, 0
@@ -92,18 +96,21 @@ def improve(
         options = options.model_copy(update={"time_limit": max(left, LEAST)})
     if not warm and transcription.quick:
         options = options.model_copy(update={"iterations": min(options.iterations, CUT_OFF)})
-    while True:
+    seen: list[np.ndarray] = []
+    for _ in range(ROUNDS):
         try:
-            nlp = transcription.nlp(x, limited)
+            nlp = transcription.nlp(x, limited, seen)
             point = solve_nlp(nlp, options, range(nlp.steps)[steps] or range(nlp.steps)[LAST], warm)
             iterations += sum(point.iterations)
             claimed = transcription.claimed(point.x) if point.usable else np.inf
-            kept = limited or not point.usable or transcription.within_limits(point.x)
+            over = transcription.near_limits(point.x, -KEPT) if point.usable else ()
+            near = transcription.near_limits(point.x, NEAR) if over else ()
         except FloatingPointError:
             return Start(index, Outcome.STALLED, None, np.inf, (), iterations, time.perf_counter() - begin, limited)
-        if kept:
+        if not over or (not warm and set(over) <= set(limited)):
             break
-        x, limited = point.x, True
+        seen += [x] if warm else []
+        x, limited = point.x, (*limited, *(label for label in near if label not in limited))
     stiffness = tuple(transcription.motion(point.x).springs.values())
     seconds = time.perf_counter() - begin
     return Start(index, point.outcome, point.x, claimed, stiffness, iterations, seconds, limited)

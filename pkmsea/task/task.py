@@ -88,6 +88,7 @@ class TaskLimits(Record):
 
     end_effector: Limits = Limits()
     joints: Limits = Limits()
+    urdf: bool = Field(True, description="whether position, velocity and effort of the URDF's joints hold, too")
 
 
 class Task(FromFile):

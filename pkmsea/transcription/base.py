@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -64,8 +65,12 @@ class Transcription(ABC):
         """
 
     @abstractmethod
-    def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
-        """The NLP around x; `limited` puts the limits of drives and joints into it."""
+    def nlp(self, x: np.ndarray, limited: Collection[str] = (), seen: Sequence[np.ndarray] = ()) -> Nlp:
+        """The NLP around x. It may leave out the limits of drives and joints but for those `limited`, by their labels
+        (`pkmsea.problem.Bound`).
+
+        Between its samples it may take the signals of x, and of trajectories `seen` before, for those of its solution.
+        """
 
     @abstractmethod
     def claimed(self, x: np.ndarray) -> float:
@@ -75,9 +80,12 @@ class Transcription(ABC):
     def motion(self, x: np.ndarray) -> Motion:
         """The motion that x stands for."""
 
-    @abstractmethod
-    def within_limits(self, x: np.ndarray) -> bool:
-        """Whether x keeps the limits of drives and joints, which `nlp(x, limited=False)` leaves out."""
+    def near_limits(self, x: np.ndarray, within: float) -> tuple[str, ...]:
+        """Labels of the limits that x comes near to, `within` a share of their size, or oversteps by -within.
+
+        None by default: where the NLP holds all limits as far as it can.
+        """
+        return ()
 
     def refined(self) -> Transcription | None:
         """The same on twice as fine a mesh; None where there is none."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,13 @@ import numpy as np
 from pkmsea.motion import Basis
 from pkmsea.motion.bases import make_basis
 from pkmsea.motion.motion import Motion
-from pkmsea.problem import Problem
+from pkmsea.problem import Bound, Problem
 from pkmsea.task.task import Trajectory
 from pkmsea.transcription import guess
 from pkmsea.transcription.base import Transcription
+from pkmsea.transcription.between import FINER, beyond, exact, extremes
 from pkmsea.transcription.flat import FlatNlp
 from pkmsea.transcription.nlp import Nlp
-from pkmsea.transcription.windows import narrowed
 
 PER_KNOT = 4  # grid points per knot: the motors' coordinates vary faster than the flat output
 FEWEST_SAMPLES = 200
@@ -34,7 +35,7 @@ class FlatTranscription(Transcription):
         wanted = samples or max(FEWEST_SAMPLES, 2 * PER_KNOT * self.basis.modes)
         self.samples = self.basis.pieces * math.ceil(wanted / self.basis.pieces)
         self._free = FlatNlp(problem, self.basis, self.samples, ())
-        self._limited: FlatNlp | None = None
+        self._limited: dict[tuple[Bound, ...], FlatNlp] = {}
 
     @classmethod
     def of(cls, problem: Problem) -> FlatTranscription:
@@ -50,12 +51,25 @@ class FlatTranscription(Transcription):
     def start(self, rng: np.random.Generator | None) -> np.ndarray:
         return guess.start(self.problem, self._free.robot, rng)
 
-    def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
-        if not limited:
-            return self._free.nlp(x)
-        if self._limited is None:
-            self._limited = FlatNlp(self.problem, self.basis, self.samples, self.problem.bounds)
-        return self._limited.nlp(x)
+    def nlp(self, x: np.ndarray, limited: Collection[str] = (), seen: Sequence[np.ndarray] = ()) -> Nlp:
+        bounds = tuple(b for b in self.problem.bounds if b.label in limited and not b.of_end_effector)
+        if bounds and bounds not in self._limited:
+            self._limited[bounds] = FlatNlp(self.problem, self.basis, self.samples, bounds)
+        flat = self._limited[bounds] if bounds else self._free
+        return flat.nlp(x, self._room(flat, [*seen, x]))
+
+    def _room(self, flat: FlatNlp, trajectories: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """What the signals of trajectories need between the samples, and beside what they are there: the most of it."""
+        room = [np.full((2, self.samples), -np.inf) * [[-1.0], [1.0]] for _ in flat.bounds]
+        for x in trajectories if room else ():
+            flat.robot.start(x)
+            for (low, high), bound, (least, most) in zip(
+                room, flat.bounds, extremes(self.problem, self.motion(x), flat.bounds, self.samples), strict=True
+            ):
+                values = flat.signal(x, bound)
+                np.minimum(low, least - values, out=low)
+                np.maximum(high, most - values, out=high)
+        return room
 
     def claimed(self, x: np.ndarray) -> float:
         self._free.robot.start(x)
@@ -64,13 +78,11 @@ class FlatTranscription(Transcription):
     def motion(self, x: np.ndarray) -> Motion:
         return Motion.of(self.problem.actuation, self.basis, *self._free.robot.split(x))
 
-    def within_limits(self, x: np.ndarray) -> bool:
-        return all(
-            np.all(signal >= lower) and np.all(signal <= upper)
-            for bound in self.problem.bounds
-            if (signal := self._free.signal(x, bound)) is not None
-            for lower, upper in [narrowed(bound.lower, bound.upper)]
-        )
+    def near_limits(self, x: np.ndarray, within: float) -> tuple[str, ...]:
+        bounds = self.problem.bounds
+        signals = exact(self.problem, self.motion(x), bounds, FINER * self.samples) if bounds else []
+        pairs = zip(bounds, signals, strict=True)
+        return tuple(bound.label for bound, values in pairs if bound.excess(values + beyond(values)) >= -within)
 
     def refined(self) -> FlatTranscription:
         return FlatTranscription(self.problem, self.basis.finer().trajectory, 2 * self.samples)

@@ -8,6 +8,8 @@ by eps, which is sharpened in steps.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -18,7 +20,7 @@ from pkmsea.transcription.nlp import Callback, Nlp, Variable
 from pkmsea.transcription.pattern import Pattern
 from pkmsea.transcription.robot import RobotOnGrid
 from pkmsea.transcription.signals import SignalsOnGrid
-from pkmsea.transcription.windows import LinearRows, linear_rows, narrowed
+from pkmsea.transcription.windows import LinearRows, linear_rows
 
 SMALLEST_SPREAD = 1e-6  # [rad, m, N m, N]; keeps a scale positive where nothing moves
 DRIVES = ("tau", "speed")
@@ -33,7 +35,7 @@ class FlatNlp:
     def __init__(self, problem: Problem, basis: Basis, samples: int, limited: tuple[Bound, ...]) -> None:
         self.problem, self.basis = problem, basis
         self.weight = basis.period / samples
-        self.limited = [bound for bound in limited if not bound.quantity.endswith("r_E")]
+        self.limited = [bound for bound in limited if not bound.of_end_effector]
         m, n = problem.actuation.m, problem.actuation.mechanism.model.nq
         motions = {self._motion(bound, n) for bound in self.limited if bound.quantity in JOINTS}
         joints = sorted(motions)
@@ -53,10 +55,11 @@ class FlatNlp:
         """Index into (q, v, a) of all n joints of what a bound limits."""
         return n * JOINTS.index(bound.quantity) + bound.index
 
-    def signal(self, x: np.ndarray, bound: Bound) -> np.ndarray | None:
-        """What a bound limits, at all samples; None for the end effector's, which are linear."""
-        if bound.quantity.endswith("r_E"):
-            return None
+    def signal(self, x: np.ndarray, bound: Bound) -> np.ndarray:
+        """What a bound limits, at all samples."""
+        if bound.of_end_effector:
+            coefficients = self.robot.split(x)[0][:, bound.index]
+            return np.asarray(self.basis.matrix(self.robot.t, bound.order) @ coefficients)
         self.robot.at(x)
         if bound.quantity in JOINTS:
             return self.robot.instants.xi[self._motion(bound, self.robot.n)]
@@ -100,8 +103,16 @@ class FlatNlp:
         Q = self._signals.curvature()
         return self.robot.hessian(slope, Q, self._pattern.slots, self._pattern.nonzeros)
 
-    def nlp(self, guess: np.ndarray) -> Nlp:
-        """The NLP around a first trajectory, whose poses are found by continuation."""
+    @property
+    def bounds(self) -> list[Bound]:
+        """All limits that the NLP holds, in the order of their rows."""
+        return [*(bound for bound, _ in self.rows.limits), *self.limited]
+
+    def nlp(self, guess: np.ndarray, room: Sequence[np.ndarray]) -> Nlp:
+        """The NLP around a first trajectory, whose poses are found by continuation.
+
+        `room` is what signals need between the samples, below and above, of each of the `bounds` (2, samples).
+        """
         self.robot.start(guess)
         variables = self._variables(guess)
         pattern, rows = self._pattern, self._pattern.rows
@@ -142,10 +153,20 @@ class FlatNlp:
                 "nlp_hess_l", [*given, *multipliers], [("triu_hess_gamma_x_x", pattern.hessian)], second
             ),
         }
-        boxes = np.array([narrowed(bound.lower, bound.upper) for bound in self.limited]).reshape(-1, 2)
-        lower = np.concatenate([self.rows.lower, np.tile(boxes[:, 0], self.robot.samples)])
-        upper = np.concatenate([self.rows.upper, np.tile(boxes[:, 1], self.robot.samples)])
+        lower, upper = self._boxes(room)
         return Nlp(variables, lower, upper, oracle, len(SHARPENING), self._sharpen, derivatives, self)
+
+    def _boxes(self, room: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper sides of the constraints."""
+        lower, upper = self.rows.lower.copy(), self.rows.upper.copy()
+        boxes = [(bound.lower - low, bound.upper - high) for bound, (low, high) in zip(self.bounds, room, strict=True)]
+        linear = len(self.rows.limits)
+        for (_, at), (low, high) in zip(self.rows.limits, boxes[:linear], strict=True):
+            lower[at], upper[at] = low, high
+        if not self.limited:
+            return lower, upper
+        low, high = np.array(boxes[linear:]).transpose(1, 2, 0)  # sample by sample, as the constraints are
+        return np.concatenate([lower, low.ravel()]), np.concatenate([upper, high.ravel()])
 
     def _sharpen(self, step: int, x: np.ndarray) -> np.ndarray:
         return np.array([self.problem.cost.smoothing(step, self.claimed(x), self.basis.period)])

@@ -8,6 +8,7 @@ for the paper's analytical inverse kinematics. It is kept as the baseline; the d
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -160,9 +161,8 @@ class PaperTranscription(Transcription):
 
     def _limit_rows(self, rows: _Rows, signals: dict[str, ca.MX]) -> None:
         for bound in self.problem.bounds:
-            if bound.quantity.endswith("r_E"):
-                order = len(bound.quantity) - len("r_E")
-                signal = signals["Y"][order * self.delta + bound.index, :]
+            if bound.of_end_effector:
+                signal = signals["Y"][bound.order * self.delta + bound.index, :]
             else:
                 signal = signals[bound.quantity][bound.index, :]
             rows.add(signal, bound.lower, bound.upper)
@@ -197,7 +197,8 @@ class PaperTranscription(Transcription):
             for (name, structure), piece in zip(self._shapes.items(), pieces, strict=True)
         }
 
-    def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
+    def nlp(self, x: np.ndarray, limited: Collection[str] = (), seen: Sequence[np.ndarray] = ()) -> Nlp:
+        # it holds all limits, at its samples
         variables = []
         for name, values in self._parts(x).items():
             flat = values.ravel(order="F")
@@ -223,9 +224,6 @@ class PaperTranscription(Transcription):
             coefficients = parts["coefficients"].copy()
         actuation = self.problem.actuation
         return Motion.of(actuation, self.basis, coefficients, parts["theta"].ravel()[: len(actuation.parameters)])
-
-    def within_limits(self, x: np.ndarray) -> bool:
-        return True  # the NLP holds them at its samples
 
 
 def _refuse_extras(problem: Problem) -> None:

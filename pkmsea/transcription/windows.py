@@ -8,22 +8,22 @@ import numpy as np
 from scipy import sparse
 
 from pkmsea.motion import Basis
-from pkmsea.problem import Problem
+from pkmsea.problem import Bound, Problem
 from pkmsea.task import Window
 
 CURVATURE = 6.0  # of a path within a window, by trial: it leaves a sampled window by this times (spacing / length)^2
-LIMIT_MARGIN = 1e-3  # of a limit, left for what happens between two samples
 PER_GRID_STEP = 2  # window samples per step of the grid
 FEWEST = 9
 
 
 @dataclass(frozen=True)
 class LinearRows:
-    """lower <= matrix x <= upper."""
+    """lower <= matrix x <= upper; `limits` are the rows of each limit, which stand for its samples on the grid."""
 
     matrix: sparse.csr_matrix
     lower: np.ndarray
     upper: np.ndarray
+    limits: tuple[tuple[Bound, slice], ...]
 
 
 def window_times(window: Window, step: float) -> np.ndarray:
@@ -39,16 +39,10 @@ def sampled_deviation(window: Window, samples: int) -> float:
     return window.deviation * (1 - CURVATURE / max(samples - 1, FEWEST - 1) ** 2)
 
 
-def narrowed(lower: float, upper: float) -> tuple[float, float]:
-    """A limit with LIMIT_MARGIN of its larger side taken off both ends."""
-    margin = LIMIT_MARGIN * max(abs(x) for x in (lower, upper) if np.isfinite(x))
-    return lower + margin, upper - margin
-
-
 def linear_rows(problem: Problem, basis: Basis, samples: int, size: int) -> LinearRows:
-    """Rows for the windows, each a little narrower than asked, and for the end effector's limits."""
+    """Rows for the windows, each a little narrower than asked, and for the end effector's limits at the samples."""
     step = basis.period / samples
-    blocks, lower, upper = [], [], []
+    blocks, lower, upper, limits = [], [], [], []
 
     def add(axis: int, matrix: np.ndarray, low: float, high: float) -> None:
         left = sparse.csr_matrix((matrix.shape[0], axis * basis.size))
@@ -64,9 +58,10 @@ def linear_rows(problem: Problem, basis: Basis, samples: int, size: int) -> Line
         add(window.axis, at, window.at - deviation, window.at + deviation)
     grid = np.arange(samples) * step
     for bound in problem.bounds:
-        if bound.quantity.endswith("r_E"):
-            order = len(bound.quantity) - len("r_E")
-            add(bound.index, basis.matrix(grid, order), *narrowed(bound.lower, bound.upper))
+        if bound.of_end_effector:
+            first = sum(block.shape[0] for block in blocks)
+            limits.append((bound, slice(first, first + samples)))
+            add(bound.index, basis.matrix(grid, bound.order), bound.lower, bound.upper)
     matrix = sparse.vstack(blocks).tocsr()
     matrix.sort_indices()
-    return LinearRows(matrix, np.concatenate(lower), np.concatenate(upper))
+    return LinearRows(matrix, np.concatenate(lower), np.concatenate(upper), tuple(limits))

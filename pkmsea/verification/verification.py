@@ -132,7 +132,7 @@ def verify(source: Solution | str | Path) -> Verification:
         "periodicity": float(np.abs(np.diff(long.r_E[starts], axis=0)).max()),
         **_feedback(whole, long),
         "window": _window_excess(said, long),
-        "limits": {f"{b.quantity} {b.name}": _limit_excess(b, long) for b in said.problem.bounds},
+        "limits": {b.label: b.excess(_limited(b, long)) for b in said.problem.bounds},
         "inverse": inverse,
         "direct": direct,
         "resolution": said.resolution,
@@ -174,12 +174,10 @@ def _window_excess(said: Reference, long: Observed) -> float:
     return worst
 
 
-def _limit_excess(bound: Bound, long: Observed) -> float:
-    """Largest excess over a limit, relative to the larger of its two sides."""
+def _limited(bound: Bound, long: Observed) -> np.ndarray:
+    """What a bound limits."""
     name = {"speed": "v_M", "dq": "v", "ddq": "a"}.get(bound.quantity, bound.quantity)
-    values = getattr(long, name)[:, bound.index]
-    size = max(abs(x) for x in (bound.lower, bound.upper) if np.isfinite(x))
-    return float(max((bound.lower - values).max(), (values - bound.upper).max()) / max(size, TINY))
+    return np.asarray(getattr(long, name)[:, bound.index])
 
 
 def _faults(found: dict[str, Any], said: Reference) -> tuple[str, ...]:

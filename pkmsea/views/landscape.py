@@ -17,8 +17,9 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import distance_transform_edt
 
 from pkmsea.study import StudyResult
+from pkmsea.study.answers import Axis, Mark, Part, parts_of, title_of
 from pkmsea.study.table import UNVERIFIED, VERIFIED
-from pkmsea.views.study_panels import Axis, Mark, Part, parts_of, title_of
+from pkmsea.views.study_panels import put
 
 FINE = 8  # drawn intervals per interval of the grid
 LEVELS = 13
@@ -115,8 +116,8 @@ def draw(
 ) -> Any | None:
     """Contours, points that are not verified or failed, the best point and the optima; returns the contours."""
     x, y = axes
-    x.put(panel, "x")
-    y.put(panel, "y")
+    put(x, panel, "x")
+    put(y, panel, "y")
     panel.set(xlim=x.ends, ylim=y.ends, facecolor="#eeeeee")
     filled = _contours(panel, part, x, y, scale)
     hollow, cross = {"facecolors": "none", "edgecolors": "w", "marker": "o"}, {"color": "#ff6b6b", "marker": "x"}

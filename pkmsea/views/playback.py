@@ -13,13 +13,12 @@ import meshcat.geometry
 import numpy as np
 import pinocchio as pin
 import umsgpack
-from pinocchio.visualize import MeshcatVisualizer
 
 from pkmsea.bridge import frame_id
 from pkmsea.files import write_whole
 from pkmsea.solution import Solution
 from pkmsea.solution.store import mesh_folder
-from pkmsea.views import sticks
+from pkmsea.views.robot import Robot
 from pkmsea.views.server import serve
 
 FRAMES_PER_SECOND = 60
@@ -77,8 +76,7 @@ def draw(solution: Solution, visualizer: meshcat.Visualizer) -> None:
     frames = np.linspace(0, s.t.size, count + 1).astype(int) % s.t.size
     scene = visualizer["scene"]
     with mesh_folder(solution) as folder:
-        shapes = pin.buildGeomFromUrdfString(mechanism.model, sticks.drawn(mechanism, folder), pin.VISUAL)
-        robot = MeshcatVisualizer(mechanism.model, pin.GeometryModel(), shapes)
+        robot = Robot(mechanism, folder)
         robot.initViewer(viewer=scene)
         robot.loadViewerModel(rootNodeName="robot")
     _furnish(solution, visualizer, scene)

@@ -10,9 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pkmsea.study import StudyResult
+from pkmsea.study.answers import Axis, Part, parts_of
 from pkmsea.study.study import Search
 from pkmsea.study.table import VERIFIED
-from pkmsea.views.study_panels import Axis, Part, colored, energy_scale, parts_of
+from pkmsea.views.study_panels import colored, energy_scale, put
 from pkmsea.views.sweep import FAILED_AT
 
 COLUMNS = 3
@@ -62,7 +63,7 @@ def _energies(panel: Any, parts: Sequence[Part], axis: Axis) -> None:
             name = f"{part.setup}: best, {best['energy']:.4g} J"
             panel.plot(best[axis.name], best["energy"], "*", color=color, mec="k", mew=0.8, ms=14, label=name)
             panel.axvline(best[axis.name], color=color, lw=0.8, ls=":")
-    axis.put(panel, "x")
+    put(axis, panel, "x")
     _finish(panel)
 
 

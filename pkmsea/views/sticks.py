@@ -1,31 +1,18 @@
-"""The tree as the views draw it: meshes where they lie, and links that have nothing to draw get sticks."""
+"""Sticks for links that have nothing to draw."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from pkmsea.description import meshes
-from pkmsea.description.xml import Element, parse_text, text
-from pkmsea.mechanism import Mechanism
+from pkmsea.description.xml import Element, text
 
 THICKNESS = 0.04  # of a stick, relative to the longest
 COLOR = "0.45 0.55 0.65 1"
 
 
-def drawn(mechanism: Mechanism, folder: Path) -> str:
-    """The URDF of a mechanism with something to see at each moving link, meshes of a folder by their absolute path."""
-    description = mechanism.description
-    root = parse_text(description.tree.encode(), description.origin.tree)
-    meshes.resolve_all(root, folder)
-    _add(root, mechanism.model)
-    return etree.tostring(root, encoding="unicode")
-
-
-def _add(root: Element, model: pin.Model) -> None:
+def add(root: Element, model: pin.Model) -> None:
     """Add cylinders to each moving link without <visual>: from its origin to the joints and frames it carries."""
     ends: dict[str, list[np.ndarray]] = {}
     drawn = {link.get("name") for link in root.findall("link") if link.find("visual") is not None}

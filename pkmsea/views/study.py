@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from pkmsea.files import write_whole
 from pkmsea.study import Study, StudyResult
+from pkmsea.study.answers import Axis, Part, axes_of, parts_of
 from pkmsea.study.study import Grid, Search
 from pkmsea.views.landscape import landscapes, slices
 from pkmsea.views.scatter import scatter
-from pkmsea.views.study_panels import Axis, Part, axes_of, parts_of
 from pkmsea.views.sweep import sweep
 
 STIFFNESS = "[N m/rad or N/m]"

@@ -16,8 +16,8 @@ from rich.progress import Progress as Bars
 from rich.table import Table
 
 from pkmsea.study import Progress, StudyResult
+from pkmsea.study.answers import Axis, Part, axes_of, parts_of
 from pkmsea.study.table import FAILED, UNVERIFIED, VERIFIED
-from pkmsea.views.study_panels import Axis, Part, axes_of, parts_of
 from pkmsea.views.tables import console
 
 SPEED_OVER = 1800.0  # [s] past points from which the time left is told

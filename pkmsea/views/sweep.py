@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 
 from pkmsea.actuation.drive import Range
 from pkmsea.study import Study, StudyResult
+from pkmsea.study.answers import Axis, Part, parts_of
 from pkmsea.study.table import VERIFIED
 from pkmsea.views.figures import COLORS, DRIVE_STYLES
-from pkmsea.views.study_panels import Axis, Part, colored, energy_scale, logarithmic, parts_of
+from pkmsea.views.study_panels import colored, energy_scale, logarithmic, put
 
 WIDTH, HEIGHT = 5.2, 3.3  # of a panel [in]
 RELATIVE = "E/E"  # column; no varied parameter can be called so
@@ -51,7 +52,7 @@ def sweep(result: StudyResult, axis: Axis) -> Figure:
         for panel in panels:
             _stiffness(panel, of_case, study, axis)
         column[0].set_title(case if len(study.cases) > 1 else "")
-        axis.put(column[-1], "x")
+        put(axis, column[-1], "x")
     energy_scale(grid[0, 0], parts)
     figure.suptitle(study.name, fontsize=13)
     return figure

@@ -79,16 +79,17 @@ def print_solutions(
     table = Table(title=solutions[0].problem.title, box=box.SIMPLE_HEAD, caption=caption, caption_justify="left")
     for name, justify in (
         ("setup", "left"), (true, "right"), (claimed, "right"), ("relative", "right"),
-        ("stiffness [N m/rad, N/m]", "left"), ("optima", "left"), ("time [s]", "right"), ("status", "left"),
+        ("stiffness [N m/rad, N/m]", "left"), ("limits reached", "left"), ("optima", "left"), ("time [s]", "right"),
+        ("status", "left"),
     ):  # fmt: skip
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for s in ranked(solutions, lambda s: s.verified):
         table.add_row(
             s.name, f"{s.value:.4g}", f"{s.claimed:.4g}", _ratio(relative(s, reference), doubtful), _all_springs(s),
-            _optima(s), f"{s.seconds:.1f}", s.status,
+            "\n".join(s.audit().binding) or "-", _optima(s), f"{s.seconds:.1f}", s.status,
         )  # fmt: skip
     for name, error in failures.items():
-        table.add_row(name, *"------", failure_status(error))
+        table.add_row(name, *"-------", failure_status(error))
     console().print(table)
 
 

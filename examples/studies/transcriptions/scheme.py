@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,9 +49,6 @@ class Scheme(Transcription):
         default = FlatTranscription(self.problem, Spline(kind="spline", knots=KNOTS), None)
         return self.transfer(default.motion(default.start(rng)))
 
-    def within_limits(self, x: np.ndarray) -> bool:
-        return True
-
     @abstractmethod
     def transfer(self, motion: Motion) -> np.ndarray:
         """The x nearest to a motion."""
@@ -63,7 +61,7 @@ class StageScheme(Scheme):
     basis: Basis
     stages: StageNlp
 
-    def nlp(self, x: np.ndarray, limited: bool) -> Nlp:
+    def nlp(self, x: np.ndarray, limited: Collection[str] = (), seen: Sequence[np.ndarray] = ()) -> Nlp:
         free, low, high = np.full(x.size, np.inf), np.full(x.size, -np.inf), np.full(x.size, np.inf)
         theta = slice(self.head, self.head + self.problem.actuation.m)
         low[theta], high[theta] = np.log([drive.stiffness_range for drive in self.problem.actuation.drives]).T

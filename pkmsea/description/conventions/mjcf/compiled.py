@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from pkmsea.description.meshes import FORMATS
+from pkmsea.description.surfaces import FORMATS
 from pkmsea.errors import MechanismError, one_line
 
 WORDS = 500  # characters of MuJoCo's longest messages

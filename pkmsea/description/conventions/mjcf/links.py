@@ -66,9 +66,9 @@ def _moving(
     joint = _joint(root, names.joints[i], kind, links, placement)
     etree.SubElement(joint, "axis", xyz=text(model.jnt_axis[i]))
     lower, upper = model.jnt_range[i]
-    ends = {"lower": text([lower]), "upper": text([upper])} if limited else {}
-    effort = model.jnt_actfrcrange[i, 1] if model.jnt_actfrclimited[i] else 0.0
-    etree.SubElement(joint, "limit", ends, effort=text([effort]), velocity="0")
+    limits = {"lower": text([lower]), "upper": text([upper])} if limited else {}
+    limits |= {"effort": text([model.jnt_actfrcrange[i, 1]])} if model.jnt_actfrclimited[i] else {}
+    etree.SubElement(joint, "limit", limits)
     dof = model.jnt_dofadr[i]
     motors = [k for k in actuators(model) if model.actuator_trnid[k, 0] == i]
     dynamics = {
