@@ -251,5 +251,6 @@ def _partial(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise Unwritable(
             f"The file cannot be written ({error.strerror or error}).",
-            "Choose another folder, or make room on the disk.", file=path,
-        ) from error  # fmt: skip
+            "Choose another folder, or make room on the disk.",
+            file=path,
+        ) from error

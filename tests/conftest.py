@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from typing import Any
 
 import pytest
 
 from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.task import Task
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # beside the processes of pytest-xdist
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell, which processes would inherit
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHIPPED = ("linear_axis_1", "linear_axis_2", "pkm_2rrr", "pkm_3rrr")
 RIGID = {"kind": "rigid", "inertia": 4.4e-6, "copper_loss": 63.2}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import subprocess
 import sys
@@ -10,8 +12,12 @@ from pathlib import Path
 import pytest
 import yaml
 from conftest import DIAGONAL, ELASTIC, RIGID
+from typer.testing import CliRunner
 
+from pkmsea.cli import app
 from pkmsea.description import find
+from pkmsea.ending import print_error
+from pkmsea.errors import PkmseaError
 
 TASK = {
     "name": "test",
@@ -21,9 +27,25 @@ TASK = {
 }
 
 
-def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+Ended = subprocess.CompletedProcess[str]
+
+
+def start(*arguments: str | Path) -> Ended:
     command = [str(Path(sys.executable).with_name("pkmsea")), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+def run(*arguments: str | Path) -> Ended:
+    """The same in this process, which has imported everything."""
+    command, errors = list(map(str, arguments)), io.StringIO()
+    ended = CliRunner().invoke(app, command)
+    if isinstance(ended.exception, PkmseaError):
+        with contextlib.redirect_stderr(errors):
+            print_error(ended.exception)
+        return Ended(command, ended.exception.exit_code, ended.stdout, ended.stderr + errors.getvalue())
+    if ended.exception is not None and not isinstance(ended.exception, SystemExit):
+        raise ended.exception
+    return Ended(command, ended.exit_code, ended.stdout, ended.stderr)
 
 
 def write_task(folder: Path, **changes: object) -> Path:
@@ -43,7 +65,7 @@ def copy_mechanism(folder: Path, urdf: tuple[str, str] = ("", ""), sidecar: tupl
     return target
 
 
-def expect(process: subprocess.CompletedProcess[str], code: int, *parts: str) -> None:
+def expect(process: Ended, code: int, *parts: str) -> None:
     assert process.returncode == code, process.stderr
     message = " ".join(process.stderr.split())
     for part in parts:
@@ -54,7 +76,8 @@ def expect(process: subprocess.CompletedProcess[str], code: int, *parts: str) ->
 
 def test_urdf_that_does_not_parse(tmp_path: Path) -> None:
     folder = copy_mechanism(tmp_path, urdf=("</robot>", ""))
-    expect(run("check", folder), 2, "pkm_2rrr.urdf", "does not parse", "Mend the XML at that line")
+    for command in (start, run):
+        expect(command("check", folder), 2, "pkm_2rrr.urdf", "does not parse", "Mend the XML at that line")
 
 
 def test_closure_of_an_unknown_frame(tmp_path: Path) -> None:
@@ -91,7 +114,7 @@ def test_infeasible_period(tmp_path: Path) -> None:
     setups = [TASK["setups"][0] | {"drives": drives}]
     options = {"starts": 2, "iterations": 100}
     path = write_task(tmp_path, cycle={"period": 0.25, "points": points}, setups=setups, options=options)
-    expect(run("solve", path), 1, "No motion was found", "Lengthen the period")
+    expect(run("solve", path, "--workers", "1"), 1, "No motion was found", "Lengthen the period")
 
 
 @pytest.mark.parametrize(
@@ -119,7 +142,7 @@ def test_missing_files(tmp_path: Path) -> None:
 
 def test_solve_plot_and_play(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    process = run("solve", write_task(tmp_path), "-o", out, "--json")
+    process = run("solve", write_task(tmp_path), "-o", out, "--json", "--workers", "1")
     assert process.returncode == 0, process.stderr
     (record,) = json.loads(process.stdout)
     assert record["status"] == "verified"
@@ -132,7 +155,7 @@ def test_solve_plot_and_play(tmp_path: Path) -> None:
 
 
 def test_check_prints_what_design_asks_for() -> None:
-    process = run("check", "pkm_3rrr", "--json")
+    process = start("check", "pkm_3rrr", "--json")
     record = json.loads(process.stdout)
     assert record["mobility"] == 2
     assert record["actuation_class"] == "redundantly actuated"

@@ -39,7 +39,7 @@ def test_mixed_drives_example() -> None:
 
 def run(script: str, folder: Path, *arguments: str) -> str:
     command = [sys.executable, str(EXAMPLES / script), *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -100,6 +100,7 @@ def benchmark_cases(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, 
     return cases
 
 
+@pytest.mark.long
 def test_benchmark(benchmark_cases: list[dict[str, Any]]) -> None:
     """Ours is optimal and true on the default grid; the times add up; memory is that of a process with CasADi."""
     case, *_ = (case for case in benchmark_cases if case["group"] == "setups")
@@ -112,6 +113,7 @@ def test_benchmark(benchmark_cases: list[dict[str, Any]]) -> None:
     assert warm["iterations"] < cold["iterations"]
 
 
+@pytest.mark.long
 def test_benchmark_baseline(benchmark_cases: list[dict[str, Any]]) -> None:
     """The rockit models are the audit's, or the benchmark says what to install."""
     results = [case["result"] for case in benchmark_cases if case["kind"] == "rockit"]

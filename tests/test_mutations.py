@@ -20,7 +20,7 @@ from pkmsea.mechanism import load_mechanism
 from pkmsea.views.tables import mechanism_record
 
 COUNT = 200
-PATIENCE = 10.0  # [s]
+PATIENCE = 10.0  # [s] of this process
 CLOSED = 1e-9  # [m]
 BAD = ["", "nan", "inf", "-inf", "1e308", "1e5", "-1", "0", "0 0 0", "abc", "1 2", "\u0000x"[1:], "../../../etc/passwd"]
 WRONG: list[Any] = [
@@ -139,11 +139,11 @@ def test_mutations(tmp_path: Path) -> None:
         place = "yaml" if number % 3 == 0 else "xml"
         file = next(f for f in sorted(folder.iterdir()) if f.suffix in PLACES[place])
         file.write_text(MUTATE[place](file.read_text(), rng))
-        started = time.monotonic()
+        started = time.process_time()
         try:
             outcomes[f"{number} {name} {place}"] = outcome(folder)
         except Exception as error:
             raise AssertionError(f"{folder}: {type(error).__name__}: {error}") from error
-        assert time.monotonic() - started < PATIENCE, folder
+        assert time.process_time() - started < PATIENCE, folder
     succeeded = sum(text == "success" for text in outcomes.values())
     assert COUNT / 10 < succeeded < COUNT / 2, outcomes  # the mutations are neither harmless nor all alike

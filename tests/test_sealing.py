@@ -164,7 +164,7 @@ def test_command_with_a_failed_setup(tmp_path: Path) -> None:
     ]
     path = tmp_path / "task.yaml"
     path.write_text(yaml.safe_dump(TASK | {"setups": setups, "options": {"starts": 1, "iterations": 50}}))
-    process = run("solve", path, "--json")
+    process = run("solve", path, "--json", "--workers", "1")
     assert process.returncode == 1 and "No motion was found" in process.stderr
     first, last = json.loads(process.stdout)
     assert (first["setup"], first["verified"], first["ratio"]) == ("fine", True, None)

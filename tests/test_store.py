@@ -21,6 +21,7 @@ from pkmsea.verification import verify
 from pkmsea.views import playback
 
 SHIPPED = Path(__file__).parents[1] / "urdf" / "linear_axis_1"
+FOURIER = {"trajectory": {"kind": "fourier", "order": 10}, "starts": 1}
 MESH = "package://stage/meshes/carriage.stl"
 CORNERS = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
 
@@ -48,7 +49,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def solved(home: Path) -> Solution:
-    return solve(task(str(home), SLIDER_ELASTIC, cycle={"period": 2.0, "points": STROKE}), workers=1)
+    return solve(task(str(home), SLIDER_ELASTIC, cycle={"period": 2.0, "points": STROKE}, options=FOURIER), workers=1)
 
 
 @pytest.fixture

@@ -88,7 +88,9 @@ def check(found: Verification, kind: str) -> None:
     assert found.optimality is not None and found.optimality.kind == "minimum"
 
 
-@pytest.mark.parametrize("name", SETUPS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name == "three elastic arms" else name for name in SETUPS]
+)
 def test_solutions_are_confirmed(solved: Callable[[str], Solution], name: str) -> None:
     found = verify(solved(name))
     check(found, SETUPS[name][0].split("_")[0])
@@ -197,18 +199,18 @@ WRONG = {
     "knot": (shifted("flat_output", (20, 0), 1e-3), "flat_output"),
     "position": (shifted("r_E", (300, 0), 1e-3), "the end effector deviates by 1.0e-03 m"),
     "energy": (energy_scaled(0.99), "the result prints"),
-    "one torque": (shifted("tau", (300, 0), 5e-3), "do not follow from its torque"),
+    "one torque": (shifted("tau", (300, 0), 0.5), "do not follow from its torque"),
     "motor speed": (shifted("v_M", (310, 1), 0.1), "v_M"),
-    "rotor": (drives_changed(inertia=4.9e-4), "do not follow from its torque"),
-    "copper": (drives_changed(copper_loss=64.0), "the result prints"),
-    "limit": (drives_changed(torque=0.05), "the limit of tau A is overstepped"),
+    "rotor": (drives_changed(inertia=5.25), "do not follow from its torque"),
+    "copper": (drives_changed(copper_loss=1.51e-3), "the result prints"),
+    "limit": (drives_changed(torque=5.0), "the limit of tau slide 1 is overstepped"),
 }
 
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_wrong_file_is_caught(solved: Callable[[str], Solution], tmp_path: Path, wrong: str) -> None:
     change, words = WRONG[wrong]
-    path = solved("two elastic arms").save(tmp_path / "result.nc")
+    path = solved("slider").save(tmp_path / "result.nc")
     found = verify(edit(path, tmp_path / "wrong.nc", change))
     assert not found.verified
     assert words in found.status, found.status
@@ -226,7 +228,7 @@ def test_a_wrong_file_is_caught(solved: Callable[[str], Solution], tmp_path: Pat
 def test_a_damaged_file_is_named(
     solved: Callable[[str], Solution], tmp_path: Path, change: Callable[[xr.Dataset], None], words: str
 ) -> None:
-    path = solved("two elastic arms").save(tmp_path / "result.nc")
+    path = solved("slider").save(tmp_path / "result.nc")
     with pytest.raises(InputError, match=words):
         verify(edit(path, tmp_path / "damaged.nc", change))
 

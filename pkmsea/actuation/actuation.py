@@ -71,14 +71,16 @@ class Actuation:
         if len(self.drives) != m:
             raise InputError(
                 f"{len(self.drives)} drives are given, but '{self.mechanism.name}' has {m} actuated joints.",
-                "Give one drive for all, or one per actuated joint in the order of mechanism.yaml.", key="drives",
-            )  # fmt: skip
+                "Give one drive for all, or one per actuated joint in the order of mechanism.yaml.",
+                key="drives",
+            )
         if m < delta:
             raise InputError(
                 f"'{self.mechanism.name}' is underactuated: {m} drives for mobility {delta}; its motion is not free "
                 "to choose.",
-                "Add drives under 'actuated' in mechanism.yaml.", key="actuated",
-            )  # fmt: skip
+                "Add drives under 'actuated' in mechanism.yaml.",
+                key="actuated",
+            )
 
     def __repr__(self) -> str:
         kinds = ", ".join(f"{label} {drive.kind}" for label, drive in zip(self.labels, self.drives, strict=True))

@@ -53,9 +53,12 @@ def read_dataset(path: str | Path) -> Dataset:
     found = str(dataset.attrs.get("format"))
     if found in OLDER:
         raise InputError(
-            "An older pkmsea wrote this result, without its mechanism.", "Solve its task again.",
-            file=file, key="format", value=found,
-        )  # fmt: skip
+            "An older pkmsea wrote this result, without its mechanism.",
+            "Solve its task again.",
+            file=file,
+            key="format",
+            value=found,
+        )
     if found.startswith(FORMAT.rpartition(" ")[0]) and found != FORMAT:
         raise InputError("A newer pkmsea wrote this result.", "Update pkmsea.", file=file, key="format", value=found)
     if found != FORMAT:

@@ -55,8 +55,9 @@ class StudyResult:
         if chosen.empty:
             raise InputError(
                 f"Point {point} of case '{case}' and setup '{setup}' has no solution.",
-                "Look at the table for those that have.", file=self.folder / NAME,
-            )  # fmt: skip
+                "Look at the table for those that have.",
+                file=self.folder / NAME,
+            )
         return self._solution(records(chosen)[0])
 
     def save_best(self) -> list[Path]:

@@ -107,8 +107,9 @@ class PaperTranscription(Transcription):
         self._limit_rows(rows, {"tau": tau, "speed": speed, "q": q, "dq": v, "ddq": a, "Y": Y})
         x = ca.vertcat(*[ca.vec(e) for e in unknowns.values()])
         weight = self.problem.cycle.period / K
-        self._oracle = ca.Function("nlp", [x, ca.MX.sym("p", 1)], [weight * ca.sum2(p), ca.vertcat(*rows.expressions)],
-                                   ["x", "p"], ["f", "g"])  # fmt: skip
+        self._oracle = ca.Function(
+            "nlp", [x, ca.MX.sym("p", 1)], [weight * ca.sum2(p), ca.vertcat(*rows.expressions)], ["x", "p"], ["f", "g"]
+        )
         self._power = ca.Function("power", [x], [P])
         self._position = ca.Function("position", [x], [ca.vertcat(*[jet[0, :] for jet in jets])])
         self._lower, self._upper = np.concatenate(rows.lower), np.concatenate(rows.upper)

@@ -31,9 +31,11 @@ class Drives:
             label = self.actuation.labels[i]
             if self.actuation.drives[i].inertia == 0:
                 raise InputError(
-                    "A motor without inertia cannot be simulated.", "Give the drive a rotor inertia.",
-                    key=f"drive {label}: inertia", value=0,
-                )  # fmt: skip
+                    "A motor without inertia cannot be simulated.",
+                    "Give the drive a rotor inertia.",
+                    key=f"drive {label}: inertia",
+                    value=0,
+                )
             if not 0 < self.stiffness[i] < np.inf:
                 raise InputError(
                     "The stiffness is not a positive number.", "Solve the task again.", key=f"stiffness of {label}"
