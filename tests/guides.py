@@ -15,7 +15,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +28,8 @@ FENCE = re.compile(r"^```(?P<language>\w+)(?P<long> long)?\n(?P<body>.*?)^```$",
 SAVED = re.compile(r"[Ss]ave (?:this|it) as `([^`]+)`[^`]*:\s*\Z")
 NUMBER = re.compile(r"((?<![\w.])[-−+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w))")
 TIME = re.compile(r"(?<=  )\d+\.\d(?= {2,}(?:verified|not verified|failed))")  # the column before the status
+CODE = re.compile(r"`([^`]+)`")
+WORD = re.compile(r"[A-Za-z_]\w*")
 LAST_DIGITS = 2  # units of the last digit shown by which numbers of two computers may differ
 ROUNDING = 1e-4  # below it a number is an error, of which the order of magnitude counts
 
@@ -130,3 +132,20 @@ def _same(shown: str, printed: str) -> bool:
     mantissa, _, exponent = shown.lower().partition("e")
     digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     return abs(a - b) <= (LAST_DIGITS + 1e-6) * digit
+
+
+def rows(text: str, before: str) -> list[list[str]]:
+    """The cells of the table behind a line that ends so."""
+    _, table = re.split(rf"{re.escape(before)}\n\n(?=\|)", text, maxsplit=1)
+    lines = table.split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines]
+
+
+def codes(cells: Iterable[str]) -> Iterator[str]:
+    for cell in cells:
+        yield from CODE.findall(cell)
+
+
+def words(cells: Iterable[str]) -> set[str]:
+    """All names in code."""
+    return {word for code in codes(cells) for word in WORD.findall(code)}

@@ -1,15 +1,21 @@
-"""The guides say what the code does: their blocks run and print what they show; their tables hold all keys."""
+"""The guides say what the code does: their blocks run and print what they show, and the files are as told."""
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 from pathlib import Path
 
 import pytest
-from guides import ROOT, alike, outputs
+from guides import ROOT, WORD, alike, codes, outputs, rows, words
+from typer.testing import CliRunner
 
 from pkmsea import ending
+from pkmsea.cli import app
+from pkmsea.solution import netcdf
 
+FILES = (ROOT / "examples" / "guides" / "files.md").read_text("utf-8")
 LEFT = shutil.ignore_patterns("*.png", "__pycache__")
 
 
@@ -32,11 +38,33 @@ def follow(guide: str, folder: Path, long: bool) -> None:
         assert alike(shown, printed), f"{guide} shows\n{shown}\nbut this is printed:\n{printed}"
 
 
+def check_result(file: Path) -> None:
+    """Series and attributes of a result file, what its records hold, and its record for --json stand in the tables."""
+    dataset, attributes = netcdf.read(file), rows(FILES, "Attributes; those marked JSON are JSON text:")
+    assert {code for row in rows(FILES, "N m, verified\n```") for code in codes(row[:1])} == set(dataset.arrays)
+    assert {code for row in attributes for code in codes(row[:1])} == set(dataset.attrs)
+    for key in ("optimality", "optima", "audit", "starts", "meshes"):
+        told = words(cell for row in attributes if f"`{key}`" in row[0] for cell in row)
+        record = json.loads(dataset.attrs[key])
+        assert set(record if isinstance(record, dict) else record[0]) <= told, key
+    (shown,) = json.loads(CliRunner().invoke(app, ["show", str(file), "--json"]).stdout)
+    assert {code for row in rows(FILES, "false, `energy` null.") for code in codes(row[:1])} == set(shown)
+
+
+def check_feed_forward(file: Path) -> None:
+    """The head of a feed-forward file stands in the text."""
+    head = re.findall(r"^# (\w+):", file.read_text("utf-8"), re.M)
+    section = FILES[FILES.index("## The feed-forward file") :]
+    assert {key for key in head if not re.search(r"_[AB]$", key)} <= {*WORD.findall(section), "y_E"}
+
+
 @pytest.mark.parametrize("long", [False, pytest.param(True, marks=pytest.mark.long)], ids=["short", "all"])
 def test_first_cycle(cycles: Path, long: bool) -> None:
     """From an installation to results, which the next guides look at."""
     for name in ("start", "files", "verify"):
         follow(f"examples/guides/{name}.md", cycles, long)
+    check_result(cycles / "results" / "elastic.nc")
+    check_feed_forward(cycles / "results" / "elastic.csv")
 
 
 @pytest.mark.parametrize("long", [False, pytest.param(True, marks=pytest.mark.long)], ids=["short", "all"])
