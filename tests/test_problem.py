@@ -18,7 +18,7 @@ from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load
 from pkmsea.solver import multistart
 from pkmsea.solver.spread import _built, spread
-from pkmsea.study.point import Job, solve_point
+from pkmsea.study.jobs import PointJob, crashed, run
 from pkmsea.study.pool import Pool
 from pkmsea.task import Limits, OperatingPoint, Payload, Spline, Task, TaskLimits
 from pkmsea.transcription import Transcription, transcribe
@@ -123,15 +123,17 @@ def test_two_workers_solve_the_changed_problem(slider: Problem, changed: Problem
 def test_joblib_and_dask_solve_the_changed_problem(changed: Problem, solved: Solution) -> None:
     """A point of a study, here, on joblib's processes and on a cluster; and whole calls there."""
     distributed = pytest.importorskip("distributed")
-    jobs = [Job(("all", changed.name, point, 0), {}, changed) for point in range(2)]
+    from pkmsea.study.cluster import ClusterPool
+
+    jobs = [PointJob(key=("all", changed.name, point, 0), problem=changed) for point in range(2)]
     local = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
     with local as cluster, distributed.Client(cluster) as client:
         whole = client.submit(partial(solve, workers=1), changed).result()  # `workers` is Dask's own word there
         assert whole.energy == pytest.approx(solved.energy, rel=SAME)
-        for pool in (Pool(1), Pool(2), Pool(client=client)):
+        for pool in (Pool(1), Pool(2), ClusterPool(client)):
             more = iter([jobs])
-            rows = list(pool.unordered(solve_point, lambda more=more: next(more, []), lambda job: {}))
-            assert [row["energy"] for row in rows] == pytest.approx([solved.energy] * 2, rel=SAME), rows
+            answers = list(pool.unordered(run, lambda more=more: next(more, []), crashed))
+            assert [x.found["energy"] for x in answers] == pytest.approx([solved.energy] * 2, rel=SAME), answers
 
 
 def test_workers_solve_the_transcription_that_they_get(slider: Problem) -> None:
