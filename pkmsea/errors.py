@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,16 @@ def one_line(text: str, limit: int = 160) -> str:
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
+def meant(name: str, known: Iterable[str]) -> str:
+    """'Did you mean ...? ' where one of the known names is like this one, else nothing."""
+    near = get_close_matches(name, known, 1)
+    return f"Did you mean '{near[0]}'? " if near else ""
+
+
+def listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names)) or "none"
+
+
 class BridgeError(PkmseaError):
     """The compiled module is missing, does not fit the installed casadi, or cannot model a joint."""
 
@@ -89,8 +100,9 @@ class NameNotFound(InputError):
 
     def __init__(self, kind: str, name: str, known: list[str], **where: Any) -> None:
         self.name, self.known = name, known
-        listed = ", ".join(sorted(known)) or "none"
-        super().__init__(f"There is no {kind} named '{name}'.", f"Use one of: {listed}.", **where)
+        super().__init__(
+            f"There is no {kind} named '{name}'.", f"{meant(name, known)}Use one of: {listed(known)}.", **where
+        )
 
 
 class Unreachable(InputError):

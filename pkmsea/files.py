@@ -12,12 +12,13 @@ import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, count
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
 
 import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+from pydantic_core import ErrorDetails
 
-from pkmsea.errors import InputError, Unwritable, one_line
+from pkmsea.errors import InputError, Unwritable, listed, meant, one_line
 
 MAX_BYTES = 1_000_000  # a mechanism or task file has a few kB; more is not one of ours
 MAX_DEPTH = 20  # lists and mappings inside each other; a task file has 7
@@ -27,9 +28,21 @@ LEFT_OVER = 3600.0  # [s] after which a partial file is that of a killed process
 
 
 class Record(BaseModel):
-    """Base of all file records: frozen, no unknown keys, no NaN or infinity."""
+    """Base of all file records: frozen, no unknown keys, no NaN or infinity, no truth for a number."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _true_is_no_number(cls, data: Any) -> Any:
+        """Where no truth is asked for, true is the text 'true', which is no number."""
+        if not isinstance(data, dict):
+            return data
+        kinds = {name: field.annotation for name, field in cls.model_fields.items()}
+        return {
+            key: value if key not in kinds or _asks_for(bool, kinds[key]) else _as_text(value, not _records(kinds[key]))
+            for key, value in data.items()
+        }
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
         """What differs from the defaults."""
@@ -75,9 +88,14 @@ F = TypeVar("F", bound=FromFile)
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe loading without aliases, which can blow a small file up to any size, deep nesting, and doubled keys."""
+    """Safe loading without aliases, which can blow a small file up to any size, deep nesting, and doubled keys.
+
+    Plain words mean what they do in YAML 1.2: PyYAML would read 010 as eight, 1:30 as ninety, 1e-3 as text, and a joint
+    named `on` as true.
+    """
 
     _depth = 0
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}  # type: ignore[misc]
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         mark = self.peek_event().start_mark
@@ -100,6 +118,17 @@ class _Loader(yaml.SafeLoader):
             if isinstance(key, str):
                 seen.add(key)
         return super().construct_mapping(node, deep)
+
+
+_DECIMAL = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
+for _kind, _pattern, _first in (
+    ("null", r"~|null|", ["~", "n", ""]),
+    ("bool", "true|True|false|False", list("tTfF")),
+    ("int", "[-+]?[0-9]+", list("+-0123456789")),
+    ("float", rf"{_DECIMAL}|[-+]?\.(inf|Inf)|\.(nan|NaN)", list("+-.0123456789")),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_kind}", re.compile(rf"^({_pattern})$"), _first)
+_Loader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: int(loader.construct_scalar(node)))  # type: ignore[arg-type]
 
 
 def read_yaml(path: Path) -> Any:
@@ -159,14 +188,17 @@ def file_name(title: str, among: Sequence[str] = ()) -> str:
 
 
 def _input_error(kind: type[Record], error: ValidationError, data: Any, file: Path | str | None) -> InputError:
-    # of the branches of a union, the one that got deepest is what was meant
-    first = max(error.errors(), key=lambda fault: len(_path(data, fault["loc"])))
-    path = _path(data, first["loc"])
+    # of the branches of a union, the one that got deepest is what was meant; there a wrong type says least
+    first = max(error.errors(), key=lambda fault: (len(_path(data, fault)), not fault["type"].endswith("_type")))
+    path = _path(data, first)
     key = ".".join(str(part) for part in path) or None
-    what = first["msg"].removeprefix("Value error, ")
+    what = re.sub(
+        r"\d+(\.\d+)?$", lambda number: f"{float(number[0]):.12g}", first["msg"].removeprefix("Value error, ")
+    )
     if first["type"] == "extra_forbidden":
-        fields = ", ".join(_fields_at(kind, path[:-1]))
-        remedy = f"Remove it or use one of: {fields}." if fields else "Remove it or correct its name."
+        fields = _fields_at(kind, path[:-1])
+        remedy = f"Remove it or use one of: {listed(fields)}." if fields else "Remove it or correct its name."
+        remedy = meant(str(path[-1]), fields) + remedy
         return InputError("This key is not known.", remedy, file=file, key=key)
     if first["type"] == "missing":
         return InputError("This key is missing.", "Add it; 'pkmsea schema' prints what it may be.", file=file, key=key)
@@ -174,19 +206,17 @@ def _input_error(kind: type[Record], error: ValidationError, data: Any, file: Pa
     return InputError(f"{what.rstrip('.')}.", remedy, file=file, key=key, value=first["input"] if key else None)
 
 
-def _path(data: Any, loc: tuple[Any, ...]) -> list[Any]:
+def _path(data: Any, fault: ErrorDetails) -> list[Any]:
     """The part of a fault's location that stands in the file, without the names of union branches."""
     path: list[Any] = []
-    for i, part in enumerate(loc):
+    for part in fault["loc"]:
         inside = (isinstance(data, dict) and part in data) or (
             isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
         )
         if inside:
             data = data[part]
             path.append(part)
-        elif i + 1 == len(loc) and isinstance(data, dict):
-            path.append(part)  # a missing key
-    return path
+    return [*path, fault["loc"][-1]] if fault["type"] == "missing" else path
 
 
 def _fields_at(kind: Any, path: list[Any]) -> list[str]:
@@ -197,6 +227,19 @@ def _fields_at(kind: Any, path: list[Any]) -> list[str]:
             fields = [record.model_fields[part] for record in records if part in record.model_fields]
             records = [inner for field in fields for inner in _records(field.annotation)]
     return sorted({name for record in records for name in record.model_fields})
+
+
+def _asks_for(kind: type, annotation: Any) -> bool:
+    return annotation is kind or any(_asks_for(kind, inner) for inner in get_args(annotation))
+
+
+def _as_text(value: Any, mappings: bool) -> Any:
+    """A value with true and false as texts, also in lists and, unless they are records, in mappings."""
+    if isinstance(value, dict) and mappings:
+        return {key: _as_text(inner, mappings) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_as_text(inner, mappings) for inner in value]
+    return str(value).lower() if isinstance(value, bool) else value
 
 
 def _records(annotation: Any) -> list[type[BaseModel]]:

@@ -4,19 +4,30 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from pkmsea.files import Record
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+LARGEST = 1e30  # of any number of a task, in SI units: far beyond sense, and its powers are still numbers
+SMALLEST = 1e-30  # likewise
+
+
+def _not_tiny(number: float) -> float:
+    if number < SMALLEST:
+        raise ValueError(f"no quantity is smaller than {SMALLEST:g}")
+    return number
+
+
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_not_tiny)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 ParameterKind = Literal["c", "k", "rest"]  # stiffness in series; stiffness and rest position in parallel
 
 
 class Range(Record):
     """Range in which a number of a drive is optimised."""
 
-    bounds: tuple[float, float]
+    bounds: tuple[Number, Number]
 
     @model_validator(mode="after")
     def _ordered(self) -> Range:
@@ -35,7 +46,7 @@ class ParallelSpring(Record):
     """A spring between a joint and the link before it: u_P = k (rest - q_A)."""
 
     stiffness: Positive | Bounds = Field(description="k, fixed or {bounds: [low, high]} to optimise it [N m/rad, N/m]")
-    rest: float | Range = Field(description="position without force, fixed or {bounds: [low, high]} [rad, m]")
+    rest: Number | Range = Field(description="position without force, fixed or {bounds: [low, high]} [rad, m]")
 
 
 class Drive(Record):

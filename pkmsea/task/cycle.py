@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, model_validator
 
-from pkmsea.actuation.drive import NotNegative, Positive
+from pkmsea.actuation.drive import NotNegative, Number, Positive
 from pkmsea.files import Record
 
 PerAxis = float | tuple[float, ...]
@@ -14,7 +14,7 @@ PerAxis = float | tuple[float, ...]
 class OperatingPoint(Record):
     """A point that the end effector keeps to, within a window, during a rest time centred at `time`."""
 
-    at: tuple[float, ...] = Field(min_length=1, description="position along the end effector's axes [m]")
+    at: tuple[Number, ...] = Field(min_length=1, description="position along the end effector's axes [m]")
     rest: NotNegative | tuple[NotNegative, ...] = Field(0.0, description="rest time [s], one for all axes or per axis")
     window: Positive | tuple[Positive, ...] = Field(description="allowed deviation [m], one or per axis")
     time: NotNegative | None = Field(None, description="middle of the rest [s]; default: evenly spread from t = 0")
@@ -92,7 +92,7 @@ class Limits(Record):
     Positions are [low, high]; velocities and accelerations are largest magnitudes, one number for all or by name.
     """
 
-    position: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    position: dict[str, tuple[Number, Number]] = Field(default_factory=dict)
     velocity: Positive | dict[str, Positive] | None = None
     acceleration: Positive | dict[str, Positive] | None = None
 
