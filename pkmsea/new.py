@@ -29,7 +29,8 @@ ROOM = 0.2  # of the way, left around the points
 KEEP = 0.4  # of the seed's distance to singularities, on the whole way
 STEPS = 15  # at which the way is looked at
 TINY = 1e-12  # keeps ratios finite where nothing moves
-ROTOR, LOSS, SOFT, STIFF = 0.1, 0.5, 0.05, 50.0  # of the load's inertia; of 1/(inertia w); of inertia w^2
+ROTOR, FRICTION, LOSS = 0.1, 0.03, 0.5  # of the load's inertia; of inertia w; of 1/(inertia w)
+SOFT, STIFF = 0.05, 50.0  # of inertia w^2
 
 
 def new(folder: Path, tree: Path | None) -> list[Path]:
@@ -117,6 +118,8 @@ def task_text(mechanism: Mechanism, gears: Mapping[str, transmission.Gear]) -> s
     sides = zip(end_effector.coordinates, *box(points), strict=True)
     room = ", ".join(f"{axis}: [{_short(low, 3)}, {_short(high, 3)}]" for axis, low, high in sides)
     rigid, elastic = _drives(mechanism, gears, period)
+    weak = too_weak(mechanism, points)
+    off = f"  urdf: false  # the efforts of {', '.join(weak)} there cannot even hold the weight" if weak else ""
     return "\n".join([
         f"# A first task for '{mechanism.name}'. Drives are GUESSED from the mass that they move: put your own in.",
         f"name: {mechanism.name}",
@@ -126,11 +129,12 @@ def task_text(mechanism: Mechanism, gears: Mapping[str, transmission.Gear]) -> s
         *cycle,
         "limits:",
         f"  end_effector: {{position: {{{room}}}}}  # [m, rad]; keeps clear of singularities",
+        *([off] if off else []),
         "setups:  # the first one is the reference",
         "  - name: rigid",
         "    mechanism: .  # the folder of this file",
-        "    drives:  # inertia [kg m^2, kg] and copper loss R/k_m^2 [W/(N m)^2, W/N^2] at the output side of the gear;"
-        " the motor's own with gear_ratio",
+        "    drives:  # at the output side of the gear, or the motor's own with gear_ratio: inertia [kg m^2, kg],",
+        "      # friction [N m s/rad, N s/m], copper loss R/k_m^2 [W/(N m)^2, W/N^2]",
         *rigid,
         "  - name: elastic",
         "    mechanism: .",
@@ -193,8 +197,7 @@ def period_of(mechanism: Mechanism, points: list[np.ndarray]) -> float:
     """PERIOD, or the longer one in which a harmonic motion between the points, s = (1 - cos wt) / 2, has USED what the
     joints allow of velocities and efforts [s]; those that drives take for themselves are not counted.
     """
-    s = np.linspace(0, 1, STEPS)[:, None]
-    q = np.array([mechanism.configuration(points[0] + x * (points[1] - points[0])) for x in s])
+    s, q = np.linspace(0, 1, STEPS)[:, None], _way(mechanism, points)
     slope = np.gradient(q, s.ravel(), axis=0)
     v = slope * np.sqrt(s * (1 - s))  # for w = 1
     a = np.gradient(slope, s.ravel(), axis=0) * s * (1 - s) + slope * (1 - 2 * s) / 2
@@ -202,18 +205,37 @@ def period_of(mechanism: Mechanism, points: list[np.ndarray]) -> float:
     w = [float((USED * largest / np.maximum(np.abs(v).max(axis=0), TINY)).min())]
     effort, own = np.array([mechanism.limits[i].effort for i in mechanism.actuated]), mechanism.independent
     for pose, speed, acceleration in zip(q, v[:, own], a[:, own], strict=True):
-        H_A, still = mechanism.actuation_jacobian(pose), mechanism.bias(pose, np.zeros(len(own)))
+        still = mechanism.bias(pose, np.zeros(len(own)))
         moved = mechanism.mass_matrix(pose) @ acceleration + mechanism.bias(pose, speed) - still
-        held, carried = (np.abs(np.linalg.pinv(H_A.T) @ load) for load in (still, moved))
+        held, carried = (_shared(mechanism, pose, load) for load in (still, moved))
         left = np.where(effort > held, USED * (effort - held), np.inf)  # where it cannot even be held, no period helps
         w.append(float(np.sqrt((left / np.maximum(carried, TINY)).min())))
     return max(PERIOD, float(_short(1.05 * 2 * np.pi / min(w) / (1 - 2 * REST))))
 
 
+def too_weak(mechanism: Mechanism, points: list[np.ndarray]) -> list[str]:
+    """Actuated joints whose effort in the tree cannot hold the weight on the straight way between the points."""
+    still = np.zeros(len(mechanism.independent))
+    held = [_shared(mechanism, q, mechanism.bias(q, still)) for q in _way(mechanism, points)]
+    names = zip(mechanism.description.actuated, mechanism.actuated, np.max(held, axis=0), strict=True)
+    return [name for name, joint, load in names if load > mechanism.limits[joint].effort]
+
+
+def _way(mechanism: Mechanism, points: list[np.ndarray]) -> np.ndarray:
+    """Poses on the straight way between the points (STEPS, n)."""
+    return np.array([mechanism.configuration(x) for x in np.linspace(points[0], points[1], STEPS)])
+
+
+def _shared(mechanism: Mechanism, q: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """What each drive bears of a generalised load, at least in sum of squares."""
+    return np.asarray(np.abs(np.linalg.pinv(mechanism.actuation_jacobian(q).T) @ load))
+
+
 def _drives(mechanism: Mechanism, gears: Mapping[str, transmission.Gear], period: float) -> tuple[list[str], list[str]]:
     """One line per drive, rigid and elastic, scaled by the inertia that the drive feels: 1 / (H_A M^-1 H_A^T)_ii.
 
-    Of a drive with a gear N, inertia and copper loss are the motor's: those at the output over N^2, and times N^2.
+    Of a drive with a gear N, inertia and friction are the motor's, those at the output over N^2, and so is the copper
+    loss, times N^2.
     """
     H_A, M = mechanism.actuation_jacobian(mechanism.seed), mechanism.mass_matrix(mechanism.seed)
     felt = 1 / np.diag(H_A @ np.linalg.solve(M, H_A.T))
@@ -223,7 +245,8 @@ def _drives(mechanism: Mechanism, gears: Mapping[str, transmission.Gear], period
         gear = gears.get(joint, transmission.Gear(1.0, 0.0))
         N = abs(gear.reduction) or 1.0
         rotor, loss = gear.rotor or ROTOR * inertia / N**2, LOSS * N**2 / (inertia * w)
-        same = f"inertia: {_short(rotor)}, copper_loss: {_short(loss)}"
+        friction = FRICTION * inertia * w / N**2
+        same = f"inertia: {_short(rotor)}, friction: {_short(friction)}, copper_loss: {_short(loss)}"
         same += "" if gear.plain else f", gear_ratio: {_short(N, 6)}"
         bounds = f"[{_short(SOFT * inertia * w**2)}, {_short(STIFF * inertia * w**2)}]"
         lines[0].append(f"      - {{kind: rigid, {same}}}  # {joint}")

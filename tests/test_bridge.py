@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 from pkmsea import bridge
+from pkmsea.description import find
 from pkmsea.errors import BridgeError, NameNotFound
 
 ROUNDING = 1e-12  # a few hundred operations on numbers of order one
@@ -98,6 +99,6 @@ def test_sources_without_the_compiled_module_use_the_installed_one(tmp_path: Pat
     sources = shutil.copytree(
         Path(bridge.__file__).parents[1], tmp_path / "pkmsea", ignore=shutil.ignore_patterns("_bridge.*", "__pycache__")
     )
-    lines = "import pkmsea; print(pkmsea.__file__, pkmsea.load_mechanism('pkm_2rrr').mobility)"
+    lines = f"import pkmsea; print(pkmsea.__file__, pkmsea.load_mechanism({str(find('pkm_2rrr'))!r}).mobility)"
     ended = subprocess.run([sys.executable, "-c", lines], cwd=tmp_path, capture_output=True, text=True)
     assert ended.stdout.split() == [str(sources / "__init__.py"), "2"], ended.stderr

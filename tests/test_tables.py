@@ -101,7 +101,7 @@ def test_outcomes_and_costs() -> None:
 def test_columns_of_studies() -> None:
     told = words(row[0] for row in rows(STUDIES, "sqlite3.connect(...))`):"))
     assert {*KEY, *COLUMNS} <= told
-    assert told - {*KEY, *COLUMNS} == {"c_1", "c_2", "vary", "task"}
+    assert told - {*KEY, *COLUMNS} == {"c_1", "c_2", "vary"}
     section = STUDIES[STUDIES.index("\n## Expressions") :].split("\n## ")[1]
     assert {*FUNCTIONS, *CONSTANTS} <= words([section])
     assert set(Calibration.model_fields) <= words([STUDIES]) | set(WORD.findall(STUDIES))

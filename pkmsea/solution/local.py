@@ -12,12 +12,14 @@ from pkmsea.problem.bounds import TOUCHING
 from pkmsea.solution.refine import Mesh
 from pkmsea.solver.ipopt import STAGNANT, Outcome
 from pkmsea.solver.optimality import SAVING, Optimality, last_parameter, optimality
+from pkmsea.solver.threads import one_thread
 from pkmsea.transcription import transcribe_on
 
 UNSHARP = 0.1  # of the energy's tolerance: what a solve that ended early may leave
 SAME = 1e-9  # relative change of coefficients and stiffnesses on their way to the mesh: rounding
 
 
+@one_thread
 def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit: float) -> Optimality | None:
     """The conditions of a local minimum at a motion, values of the cost relative to `unit`; see `Optimality`.
 

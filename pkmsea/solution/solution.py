@@ -26,7 +26,7 @@ from pkmsea.solution.refine import Mesh, agree
 from pkmsea.solver import Optimality, Optimum, Outcome, Start, optima
 from pkmsea.transcription import TRANSCRIPTIONS
 
-FORMAT = "pkmsea result 2"
+FORMAT = "pkmsea result 3"
 MESH = "mesh"  # attribute of the copy of a mesh file: the name that the tree gives it
 PACKAGES = ("pkmsea", "casadi", "pin", "numpy")  # whose versions are stored
 STATED = 1e-6  # difference of a file's value from the recomputed one, relative like the audit's gap

@@ -17,6 +17,7 @@ from pkmsea.solution.solution import Solution
 from pkmsea.solver import Outcome, Start, multistart
 from pkmsea.solver.multistart import Progress, distinct, improve, restart
 from pkmsea.solver.spread import collect, spread
+from pkmsea.solver.threads import one_thread
 from pkmsea.task import Task, load_task
 from pkmsea.transcription import Transcription, transcribe
 
@@ -28,6 +29,7 @@ GAIN = 2.0  # times what refining has gained the best: what it may gain another
 Solvable = str | Path | Task | Problem | Transcription
 
 
+@one_thread
 def solve(
     source: Solvable,
     setup: str | None = None,

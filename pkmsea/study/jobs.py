@@ -18,6 +18,7 @@ from pkmsea.solution.records import motion_of, motion_record
 from pkmsea.solution.solve import NEAR, select
 from pkmsea.solver import Start
 from pkmsea.solver.multistart import distinct, finish, multistart, restart, run_start
+from pkmsea.solver.threads import one_thread
 from pkmsea.study.calibrate import calibrated
 from pkmsea.study.fingerprint import versions
 from pkmsea.study.study import Calibration
@@ -112,6 +113,7 @@ class PointJob(Job):
         return starts + [finish(transcription, start) if start.claimed <= enough else start for start in own]
 
 
+@one_thread
 def run(job: Job) -> Answer:
     """What comes of a job, an error of its problem as well.
 

@@ -16,6 +16,7 @@ from pkmsea.problem import Bound, Cost
 from pkmsea.solution import Solution
 from pkmsea.solution.audit import IDLE, status_of
 from pkmsea.solver import Optimality
+from pkmsea.solver.threads import one_thread
 from pkmsea.verification.dynamics import Robot
 from pkmsea.verification.observe import Observed, observe
 from pkmsea.verification.reference import Reference, reference
@@ -98,6 +99,7 @@ class Verification:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a wrong result may move without bounds; the checks say so
+@one_thread
 def verify(source: Solution | str | Path) -> Verification:
     """Simulate a solution, or a result file as it is stored, and compare; see `Verification`.
 

@@ -73,7 +73,7 @@ def run(
     """Solve; where the last steps of the sharpening do not converge, as far as they do."""
     scheme = kind(problem, size)
     x = scheme.transfer(start)
-    nlp = scheme.nlp(x, limited=False)
+    nlp = scheme.nlp(x)
     options = problem.options.model_copy(update={"iterations": ITERATIONS, "time_limit": SECONDS})
     begin = time.perf_counter()
     for steps in range(nlp.steps, 0, -1):
