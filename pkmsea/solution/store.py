@@ -32,7 +32,7 @@ from pkmsea.solution.records import StartRecord, basis_of
 from pkmsea.solution.solution import FORMAT, MESH, Mesh, Solution
 from pkmsea.task import Task
 
-OLDER = {"pkmsea result 1"}
+OLDER = {"pkmsea result 1", "pkmsea result 2"}
 
 
 def read_dataset(path: str | Path) -> Dataset:
