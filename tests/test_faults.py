@@ -131,12 +131,13 @@ def kill_again_and_again(arguments: list[str], kills: int, folder: Path) -> list
 
 
 def test_reproduce_killed(tmp_path: Path) -> None:
-    assert len(kill_again_and_again(["reproduce", "--table", "1", "--starts", "1"], 1, tmp_path)) == 1
+    command = ["reproduce", "--table", "1", "--reading", "printed", "--starts", "1"]
+    assert len(kill_again_and_again(command, 1, tmp_path)) == 1
 
 
 @pytest.mark.long
 def test_reproduce_killed_twenty_times(tmp_path: Path) -> None:
-    seen = kill_again_and_again(["reproduce", "--starts", "2"], 20, tmp_path)
+    seen = kill_again_and_again(["reproduce", "--reading", "printed", "--starts", "2"], 20, tmp_path)
     print(seen, sorted(str(file.relative_to(tmp_path)) for file in tmp_path.rglob(f".*{PARTIAL}")))
     assert max(seen) > 0
 

@@ -8,7 +8,7 @@ from conftest import SHIPPED
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.mechanism import Mechanism, load_mechanism
 from pkmsea.mechanism.workspace import workspace
-from pkmsea.paper.reproduce import FOLDER, read_yaml
+from pkmsea.paper.readings import assumed as assumed_values
 
 EQUAL = 1e-9  # asked for by the model's specification; rounding leaves three digits to spare
 POSES = 1000
@@ -94,7 +94,8 @@ def test_mechanisms_are_frozen(mechanisms: dict[str, Mechanism], name: str) -> N
 
 
 def test_shipped_geometry_is_the_assumed_one(mechanisms: dict[str, Mechanism]) -> None:
-    assumed = read_yaml(FOLDER / "assumed.yaml")["pkm"]
+    assumed = assumed_values()["pkm"]
+    signs = assumed_values()["readings"]["printed"]["elbow_signs"]["value"]
     placements = mechanisms["pkm_3rrr"].model.jointPlacements
     radius = assumed["base_triangle_side"]["value"] / np.sqrt(3)
     for name, joint in (("A", 1), ("B", 3), ("C", 5)):
@@ -102,7 +103,7 @@ def test_shipped_geometry_is_the_assumed_one(mechanisms: dict[str, Mechanism]) -
         base = radius * np.array([np.cos(angle), np.sin(angle), 0])
         np.testing.assert_allclose(placements[joint].translation, base, atol=1e-9)
         elbow = mechanisms["pkm_3rrr"].seed[joint]
-        assert np.sign(-elbow) == assumed["elbow_signs"]["value"][name]
+        assert np.sign(-elbow) == signs[name]
 
 
 def test_packaged_mechanisms_load_by_name_and_path() -> None:

@@ -15,6 +15,7 @@ import pkmsea
 from pkmsea.errors import InputError, Unreachable
 from pkmsea.problem import Problem, build_problem, task_of
 from pkmsea.solution import Solution, solve
+from pkmsea.solution.store import changed as changed_on_disk
 from pkmsea.solution.store import load
 from pkmsea.solver import multistart
 from pkmsea.solver.spread import _built, spread
@@ -222,3 +223,20 @@ def test_public_objects_have_short_reprs(solved: Solution, tmp_path: Path) -> No
         assert isinstance(instance, getattr(pkmsea, name)), name
         assert len(repr(instance)) < SHORT and "\n" not in repr(instance), repr(instance)
     assert repr(problem) == "<Problem 'setup': pkm_3rrr, drives: 3 sea, 2 points in 1 s, 18 bounds>"
+
+
+def test_a_setup_in_another_assembly_mode(tmp_path: Path) -> None:
+    """Its own seed goes before the mechanism's, is stored with the result, and is blamed where it is wrong."""
+    seed = {"A": -0.6155, "elbow_A": -1.9106, "B": 1.4789, "elbow_B": -1.9106}
+    setups = [{"name": "other elbow", "mechanism": "pkm_2rrr", "seed": seed, "drives": RIGID}]
+    said = task("pkm_2rrr", RIGID, options=QUICK, setups=setups)
+    problem, shipped = build_problem(said), build_problem(task("pkm_2rrr", RIGID))
+    assert problem.mechanism.seed[3] == pytest.approx(-shipped.mechanism.seed[3], abs=1e-4)
+    assert build_problem(task_of(problem)).mechanism.description == problem.mechanism.description
+    solution = solve(problem, workers=1)
+    solution.save(tmp_path / "a.nc")
+    again = load(tmp_path / "a.nc")
+    assert again.energy == pytest.approx(solution.energy, rel=1e-12) and changed_on_disk(tmp_path / "a.nc") == ""
+    with pytest.raises(InputError) as caught:
+        build_problem(task("pkm_2rrr", RIGID, setups=[setups[0] | {"seed": {"nobody": 1.0}}]))
+    assert (caught.value.file, caught.value.key) == (None, "setups.0.seed")

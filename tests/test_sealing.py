@@ -67,12 +67,11 @@ def test_records_of_solve(good: Solution, bad: Solution) -> None:
 
 
 def row(solution: Solution, rigid: Solution | None) -> Row:
-    ratio = None if rigid is None else solution.energy / rigid.energy
-    return Row(2, "title", solution, ratio, rigid and rigid.verified, 0.3, 1.0, (), {})
+    return Row(2, "printed", "title", solution, None, rigid, 0.3, 1.0, (), {})
 
 
 def test_rows_of_reproduce(good: Solution, bad: Solution, capsys: pytest.CaptureFixture[str]) -> None:
-    rows, failures = [row(bad, bad), row(good, bad)], {(2, "stuck"): FAILURE}
+    rows, failures = [row(bad, bad), row(good, bad)], {(2, "printed", "stuck"): FAILURE}
     found = json.loads(json.dumps(records.rows(rows, failures), allow_nan=False))
     assert [(r["setup"], r["verified"]) for r in found] == [("good", True), ("bad", False), ("stuck", False)]
     assert found[0]["reference_verified"] is False and "rigid row is not verified" in found[0]["remark"]
@@ -91,9 +90,9 @@ def test_a_failed_row_does_not_stop_reproduce(monkeypatch: pytest.MonkeyPatch, g
         return good
 
     monkeypatch.setattr(import_module("pkmsea.paper.reproduce"), "solve", solve_all_but_the_first)
-    failures: list[tuple[int, str, SolveError]] = []
-    rows = list(reproduce([1], failed=lambda *what: failures.append(what)))
-    assert failures == [(1, "FA-RD", FAILURE)]
+    failures: list[tuple[int, str, str, SolveError]] = []
+    rows = list(reproduce([1], readings=["printed"], failed=lambda *what: failures.append(what)))
+    assert failures == [(1, "printed", "FA-RD", FAILURE)]
     assert [(r.ratio, r.reference_verified) for r in rows] == [(None, None)] * 2
     with pytest.raises(NotConverged):
         list(reproduce([1]))

@@ -13,11 +13,11 @@ from pkmsea.actuation import flat_map
 from pkmsea.motion import Motion
 from pkmsea.motion.bases import SplineBasis
 from pkmsea.motion.series import Series, series
-from pkmsea.paper.reproduce import paper_task
+from pkmsea.paper.readings import paper_task
 from pkmsea.problem import Problem, build_problem
 from pkmsea.solution.audit import audit
 from pkmsea.solver.ipopt import solve_nlp
-from pkmsea.task import Chain, Options, Spline
+from pkmsea.task import Chain, Options, Spline, TaskLimits
 from pkmsea.transcription import Transcription, transcribe
 
 __all__ = ["Motion", "Problem", "Series", "series", "transcribe"]
@@ -34,8 +34,8 @@ DEGREE = 7  # of the spline that is laid through a baseline's samples for the au
 
 
 def problem(table: int, setup: str, options: Options, stiffness: tuple[float, ...] = ()) -> Problem:
-    """The paper's problem with other options; `stiffness` fixes the springs instead of optimising them."""
-    task = paper_task(table, NUMBERS[table])
+    """The paper's problem with other options, of its limits those of the drives; `stiffness` fixes the springs."""
+    task = paper_task(table, NUMBERS[table]).model_copy(update={"limits": TaskLimits(urdf=False)})
     chosen = task.setup(setup).model_copy(update={"options": options})
     if stiffness:
         drive = chosen.drives[0]

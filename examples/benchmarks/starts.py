@@ -19,7 +19,7 @@ from typing import Any
 
 from ours import NUMBERS
 
-from pkmsea.paper.reproduce import paper_task
+from pkmsea.paper.readings import paper_task
 from pkmsea.problem import build_problem
 from pkmsea.solution.refine import refine
 from pkmsea.solver.multistart import finish, run_start

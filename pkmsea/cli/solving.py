@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -62,7 +62,7 @@ def solve(
     elif solved:
         tables.print_solutions(solved, reference, failures)
     if out is not None:
-        if solved and not isinstance(stopped, KeyboardInterrupt):
+        if solved and not _interrupted(stopped):
             written.append(save_overview(solved, out, list(failures)))
         tell_written(written, json_)
     end(failures, stopped)
@@ -73,17 +73,22 @@ def reproduce(
     table: Annotated[
         list[int] | None, typer.Option("--table", min=1, max=4, help="Only this table; repeatable.")
     ] = None,
+    reading: Annotated[
+        Literal["printed", "implied"] | None,
+        typer.Option("--reading", help="Rests as the paper prints them, or as its results imply; default: both."),
+    ] = None,
     out: Out = None,
     starts: Annotated[int | None, typer.Option("--starts", min=1, help="Overrides the starts per setup.")] = None,
     workers: Workers = None,
     json_: Json = False,
 ) -> None:
-    """Solve the setups of the paper's four tables anew and print the paper's values beside ours."""
+    """Solve the paper's four tables anew, in two readings, and print its values beside ours."""
     ending.defer()
     from pkmsea.errors import PkmseaError, SolveError
     from pkmsea.files import check_writable
-    from pkmsea.paper.reproduce import TABLES, Row, paper_task
-    from pkmsea.paper.reproduce import reproduce as rows_of
+    from pkmsea.paper import READINGS, Reading, Row, table_task
+    from pkmsea.paper import reproduce as rows_of
+    from pkmsea.paper.readings import TABLES
     from pkmsea.views import records, tables
     from pkmsea.views.output import save_overview, save_result
 
@@ -92,26 +97,26 @@ def reproduce(
     rows: list[Row] = []
     stopped: PkmseaError | KeyboardInterrupt | None = None
     written: list[Path] = []
-    failures: dict[tuple[int, str], SolveError] = {}
+    failures: dict[tuple[int, str, str], SolveError] = {}
     chosen = sorted(set(table)) if table else TABLES
+    read = [reading] if reading else READINGS
     with tables.progress(quiet=json_) as report:
 
-        def tell(number: int, name: str, start: Any) -> None:
-            count = starts or paper_task(number).options.starts
-            report(f"table {number}, {name}", count)(start)
+        def tell(number: int, of: Reading, name: str, start: Any) -> None:
+            report(f"table {number} {of}, {name}", starts or table_task(number, reading=of).options.starts)(start)
 
-        def setups_of(number: int) -> list[str]:
-            return [setup.name for setup in paper_task(number).setups]
-
-        def fail(*what: Any) -> None:
-            failures[what[:2]] = what[2]
+        def fail(number: int, of: str, name: str, error: SolveError) -> None:
+            failures[number, of, name] = error
 
         try:
-            found = rows_of(chosen, workers=workers, report=tell, note=report.note, starts=starts, failed=fail)
+            found = rows_of(
+                chosen, readings=read, workers=workers, report=tell, note=report.note, starts=starts, failed=fail
+            )
             for row in ending.each(found):
                 rows.append(row)
                 if out is not None:
-                    written += save_result(row.solution, out / f"table_{row.table}", setups_of(row.table))
+                    setups = [setup.name for setup in table_task(row.table, reading=row.reading).setups]
+                    written += save_result(row.solution, folder_of(out, row.reading, row.table), setups)
                 ending.stop_if(row.solution.interrupted)
         except (PkmseaError, KeyboardInterrupt) as error:
             stopped = error
@@ -120,9 +125,17 @@ def reproduce(
     else:
         tables.print_rows(rows, failures)
     if out is not None:
-        for number in sorted({row.table for row in rows} if not isinstance(stopped, KeyboardInterrupt) else ()):
-            of_table = [row.solution for row in rows if row.table == number]
-            failed = [name for n, name in failures if n == number]
-            written.append(save_overview(of_table, out / f"table_{number}", failed))
+        for of, number in dict.fromkeys((row.reading, row.table) for row in rows if not _interrupted(stopped)):
+            together = [row.solution for row in rows if (row.reading, row.table) == (of, number)]
+            failed = [name for n, r, name in failures if (r, n) == (of, number)]
+            written.append(save_overview(together, folder_of(out, of, number), failed))
         tell_written(written, json_)
     end(failures, stopped)
+
+
+def folder_of(out: Path, reading: str, table: int) -> Path:
+    return out / reading / f"table_{table}"
+
+
+def _interrupted(stopped: BaseException | None) -> bool:
+    return isinstance(stopped, KeyboardInterrupt)

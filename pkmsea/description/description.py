@@ -31,6 +31,7 @@ class Origin(Record):
     conventions : labels of those that were met.
     in_sidecar, in_tree : the keys that each file says; what a sidecar says goes before what the tree says.
     proposed : the keys that no file says, and that were guessed or found once the loops were closed.
+    seed : what a task says in place of the files; None where it says nothing.
     """
 
     folder: Path
@@ -42,6 +43,7 @@ class Origin(Record):
     in_sidecar: tuple[str, ...] = ()
     in_tree: tuple[str, ...] = ()
     proposed: tuple[str, ...] = ()
+    seed: Positions | None = None
 
     def file(self, key: str) -> Path:
         """The file to blame for a key: the one that says it, else the one in which it is missing."""
@@ -110,9 +112,16 @@ class Description(Record):
         said = {key: value for key, value in other if key not in NOT_MOTION and value is not None}
         return all(getattr(self, key) == value for key, value in said.items())
 
+    def seeded(self, seed: Positions | None) -> Description:
+        """The same in the assembly mode that a task names; as it is where it names none."""
+        if seed is None:
+            return self
+        return self.model_copy(update={"seed": seed, "origin": self.origin.model_copy(update={"seed": seed})})
+
     def where(self, key: str, place: str | None = None, value: Any = None) -> dict[str, Any]:
-        """File, key and value of an error; `place` says where below `key` it is."""
-        return {"file": self.origin.file(key), "key": place or key, "value": value}
+        """File, key and value of an error, no file where a task says it; `place` says where below `key` it is."""
+        of_task = key == "seed" and self.origin.seed is not None
+        return {"file": None if of_task else self.origin.file(key), "key": place or key, "value": value}
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Description) and dict(self) == dict(other)

@@ -1,5 +1,6 @@
 """The paper's own examples: its tables, our tasks for them, what had to be assumed, and their reproduction."""
 
-from pkmsea.paper.reproduce import Row, calibrated_numbers, paper_task, reproduce
+from pkmsea.paper.readings import READINGS, Reading, calibrated_numbers, paper_task, table_task
+from pkmsea.paper.reproduce import Row, reproduce
 
-__all__ = ["Row", "calibrated_numbers", "paper_task", "reproduce"]
+__all__ = ["READINGS", "Reading", "Row", "calibrated_numbers", "paper_task", "reproduce", "table_task"]

@@ -1,52 +1,76 @@
-"""The paper's four tables beside ours, solved anew."""
+"""The paper's four tables beside ours, solved anew in both readings."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from pkmsea.errors import SolveError
-from pkmsea.files import read_yaml
+from pkmsea.paper.readings import (
+    READINGS,
+    RIGID,
+    TABLES,
+    WITHOUT_LIMITS,
+    Numbers,
+    Reading,
+    assumed,
+    at_stiffness,
+    calibrated_numbers,
+    paper_tables,
+    table_task,
+)  # fmt: skip
 from pkmsea.solution import Solution, solve
 from pkmsea.solver import Start
-from pkmsea.study import calibrate, with_drive_numbers
-from pkmsea.task import Task, load_task
+from pkmsea.task import Task
 
-FOLDER = Path(__file__).parent
-TABLES = (1, 2, 3, 4)
 POINTS_OF_DIFFERENCE = 3.0  # percentage points of the ratio beyond which a row carries a remark
-START = {"copper_loss": 63.4, "friction": 4.75e-3, "inertia": 4.6e-4}  # where the calibrations begin
+AT_PAPER_STARTS = 6  # of a solve at the paper's own springs, at most
 
-Report = Callable[[int, str, Start], None]
+Report = Callable[[int, Reading, str, Start], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One row of a table: the paper's values and ours. Energies in J.
+    """One row of a table in one reading: the paper's values and ours. Energies in J.
 
-    Ratios are relative to the rigid row, and None where that one has failed; so is `reference_verified`.
+    Ratios are relative to the rigid row, and None where that one has failed; so is `reference_verified`. `at_paper` is
+    our optimum with the paper's springs, None where there are none or it has failed.
     """
 
     table: int
+    reading: Reading
     title: str
     solution: Solution
-    ratio: float | None
-    reference_verified: bool | None
+    at_paper: Solution | None
+    rigid: Solution | None
     paper_energy: float | None
     paper_ratio: float | None
     paper_stiffness: tuple[float, ...]
-    assumed: dict[str, float]
+    assumed: Numbers
 
     @property
     def setup(self) -> str:
         return self.solution.name
 
     @property
+    def ratio(self) -> float | None:
+        return self._relative(self.solution)
+
+    @property
+    def ratio_at_paper(self) -> float | None:
+        return self._relative(self.at_paper)
+
+    @property
+    def reference_verified(self) -> bool | None:
+        return None if self.rigid is None else self.rigid.verified
+
+    def _relative(self, solution: Solution | None) -> float | None:
+        return None if solution is None or self.rigid is None else solution.energy / self.rigid.energy
+
+    @property
     def remark(self) -> str:
-        """Says so where ours differs from the paper's ratio by more than POINTS_OF_DIFFERENCE."""
+        """Says so where ours differs from the paper's ratio by more than POINTS_OF_DIFFERENCE, and why."""
         if self.reference_verified is False:
             return "* the rigid row is not verified"
         if self.paper_ratio is None:
@@ -56,20 +80,23 @@ class Row:
         points = 100 * (self.ratio - self.paper_ratio)
         if abs(points) <= POINTS_OF_DIFFERENCE:
             return ""
-        why = "; base geometry and working mode are assumed" if self.table > 1 else ""
-        return f"{abs(points):.1f} points {'below' if points < 0 else 'above'} the paper{why}"
+        reason = assumed()["readings"][self.reading]["reasons"].get(self.table, {}).get(self.setup, "")
+        said = f"{abs(points):.1f} points {'below' if points < 0 else 'above'} the paper"
+        return f"{said}: {reason}" if reason else said
 
     def record(self) -> dict[str, Any]:
         """The row as plain data, for `pkmsea reproduce --json`."""
-        s = self.solution
+        s, at = self.solution, self.at_paper
         return {
             "table": self.table,
+            "reading": self.reading,
             "setup": self.setup,
             "energy": s.energy,
             "claimed": s.claimed,
             "ratio": self.ratio,
             "reference_verified": self.reference_verified,
             "stiffness": [float(c) for c in s.stiffness],
+            "at_paper_stiffness": at and {"energy": at.energy, "ratio": self.ratio_at_paper, "status": at.status},
             "paper_energy": self.paper_energy,
             "paper_ratio": self.paper_ratio,
             "paper_stiffness": list(self.paper_stiffness),
@@ -81,86 +108,66 @@ class Row:
         }
 
 
-@cache
-def paper_tables() -> dict[int, dict[str, Any]]:
-    """The values that the paper prints, by table number."""
-    tables: dict[int, dict[str, Any]] = read_yaml(FOLDER / "tables.yaml")
-    return tables
-
-
-def paper_task(table: int, numbers: dict[str, float] | None = None) -> Task:
-    """The task of a table, with calibrated numbers of the drives put in."""
-    return with_drive_numbers(load_task(FOLDER / ("linear_axis.yaml" if table == 1 else "pkm.yaml")), **numbers or {})
-
-
-def calibrated_numbers(table: int, note: Callable[[str], None] | None = None) -> dict[str, float]:
-    """The drive numbers of tables 2 to 4, each calibrated on a rigid row of the paper (see assumed.yaml)."""
-    if table == 1:
-        return {}
-    say = note or (lambda text: None)
-    say("calibrating the copper loss")
-    numbers = {"copper_loss": _calibrated("copper_loss", 2, ())}
-    if table == 3:
-        say("calibrating the friction")
-        numbers["friction"] = _calibrated("friction", 3, tuple(numbers.items()))
-    if table == 4:
-        say("calibrating the rotor inertia")
-        numbers["inertia"] = _calibrated("inertia", 4, tuple(numbers.items()))
-    return numbers
-
-
-@cache
-def _calibrated(number: Any, table: int, others: tuple[tuple[str, float], ...]) -> float:
-    energy = paper_tables()[table]["rows"]["PKM RD"]["energy"]
-    return calibrate(paper_task(2, dict(others)), "PKM RD", number, energy, START[number])
-
-
 def reproduce(
     tables: Iterable[int] = TABLES,
     *,
+    readings: Sequence[Reading] = READINGS,
     workers: int | None = None,
     report: Report | None = None,
     note: Callable[[str], None] | None = None,
     starts: int | None = None,
     setups: Sequence[str] | None = None,
-    failed: Callable[[int, str, SolveError], None] | None = None,
+    failed: Callable[[int, Reading, str, SolveError], None] | None = None,
 ) -> Iterator[Row]:
-    """Solve the setups of the paper's tables and yield a row as soon as it is there.
+    """Solve the setups of the paper's tables in each reading and yield a row as soon as it is there.
 
     Tables 2 to 4 end with RAPKM RD, which the paper leaves out. `starts` overrides the multi-start's size,
     `setups` keeps only the named rows; the rigid row comes first in every table and must be among them. A setup without
-    a solution is told to `failed` (table, setup, error), and the others go on; without it, its error is raised.
+    a solution is told to `failed` (table, reading, setup, error), and the others go on; without it, its error comes.
     """
     for table in tables:
-        numbers = calibrated_numbers(table, note)
-        task = paper_task(table, numbers)
-        if starts is not None:
-            task = task.with_starts(starts)
-        chosen = [setup.name for setup in task.setups if setups is None or setup.name in setups]
-        rigid: Solution | None = None
-        for name in chosen:
-            tell = None if report is None else (lambda start, n=name, t=table: report(t, n, start))
-            try:
-                solution = solve(task, name, workers=workers, progress=tell)
-            except SolveError as error:
-                if failed is None:
-                    raise
-                failed(table, name, error)
-                continue
-            rigid = solution if name == chosen[0] else rigid
-            yield _row(table, solution, rigid, numbers)
+        for reading in readings:
+            numbers = calibrated_numbers(table, note, reading)
+            task = table_task(table, numbers, reading)
+            if starts is not None:
+                task = task.with_starts(starts)
+            rigid: Solution | None = None
+            for name in [s.name for s in task.setups if setups is None or s.name in setups]:
+                tell = None if report is None else (lambda s, n=name, t=table, r=reading: report(t, r, n, s))
+                try:
+                    solution = solve(task, name, workers=workers, progress=tell)
+                    rigid = solution if name == RIGID[table] else rigid
+                    at_paper = None if solution.interrupted else _at_paper(table, task, name, workers)
+                except SolveError as error:
+                    if failed is None:
+                        raise
+                    failed(table, reading, name, error)
+                    continue
+                yield _row(table, reading, solution, at_paper, rigid, numbers)
 
 
-def _row(table: int, solution: Solution, rigid: Solution | None, numbers: dict[str, float]) -> Row:
+def _at_paper(table: int, task: Task, name: str, workers: int | None) -> Solution | None:
+    """The optimum with the paper's own springs."""
+    springs = tuple(paper_tables()[table]["rows"].get(name, {}).get("stiffness", ()))
+    if not springs:
+        return None
+    fixed = at_stiffness(task.setup(name), springs)
+    only = task.model_copy(update={"setups": (fixed,)})
+    return solve(only.with_starts(min(task.options.starts, AT_PAPER_STARTS)), name, workers=workers)
+
+
+def _row(
+    table: int,
+    reading: Reading,
+    solution: Solution,
+    at_paper: Solution | None,
+    rigid: Solution | None,
+    numbers: Numbers,
+) -> Row:
     printed = paper_tables()[table]
-    rows, reference = printed["rows"], next(iter(printed["rows"].values()))["energy"]
-    paper = rows.get(solution.name)
-    assumed = numbers or {"copper_loss": solution.problem.actuation.drives[0].copper_loss}
-    ratio = None if rigid is None else solution.energy / rigid.energy
-    verified = None if rigid is None else rigid.verified
-    if paper is None:
-        return Row(table, printed["title"], solution, ratio, verified, None, None, (), assumed)
-    return Row(
-        table, printed["title"], solution, ratio, verified, paper["energy"], paper["energy"] / reference,
-        tuple(paper["stiffness"]), assumed,
-    )  # fmt: skip
+    rows, reference = printed["rows"], printed["rows"][RIGID[table]]["energy"]
+    paper = rows.get("RAPKM SEA" if solution.name == WITHOUT_LIMITS else solution.name)
+    energy, ratio, springs = (
+        (paper["energy"], paper["energy"] / reference, tuple(paper["stiffness"])) if paper else (None, None, ())
+    )
+    return Row(table, reading, printed["title"], solution, at_paper, rigid, energy, ratio, springs, numbers)

@@ -7,11 +7,12 @@ from functools import lru_cache
 from pathlib import Path
 
 from pkmsea.actuation.cost import COSTS
-from pkmsea.description import find, shipped
+from pkmsea.description import find, read, shipped
+from pkmsea.description.description import Positions
 from pkmsea.description.sidecar import SIDECAR
 from pkmsea.errors import InputError, blaming
 from pkmsea.files import parse
-from pkmsea.mechanism import Mechanism, load_mechanism
+from pkmsea.mechanism import Mechanism, build_mechanism
 from pkmsea.problem.problem import Problem
 from pkmsea.task import Setup, Task, load_task
 
@@ -50,7 +51,14 @@ def task_of(problem: Problem) -> Task:
     ------
     InputError : a task cannot have this name, or this cost.
     """
-    setup = {"name": problem.name, "mechanism": _source_of(problem.mechanism), "drives": problem.drives}
+    mechanism = problem.mechanism
+    seed = mechanism.description.origin.seed
+    setup = {
+        "name": problem.name,
+        "mechanism": _source_of(mechanism),
+        "seed": None if seed is None else dict(seed),
+        "drives": problem.drives,
+    }
     keys = ("cycle", "limits", "payload", "options")
     data = {"name": problem.title, "setups": (setup,), "cost": problem.cost.name}
     data |= {key: getattr(problem, key) for key in keys}
@@ -70,12 +78,18 @@ def _mechanism(task: Task, setup: Setup) -> Mechanism:
     found = find(source)
     folder = found if found.is_dir() else found.parent
     files = sorted(path for path in folder.iterdir() if path.is_file())
-    return _loaded(source, tuple((path, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
+    stamps = tuple((path, path.stat().st_mtime_ns, path.stat().st_size) for path in files)
+    try:
+        return _loaded(source, None if setup.seed is None else tuple(setup.seed.items()), stamps)
+    except InputError as error:
+        if setup.seed is not None and error.file is None:
+            error.key = f"setups.{task.setups.index(setup)}.{error.key}"
+        raise
 
 
 @lru_cache(maxsize=16)
-def _loaded(source: Path, files: tuple[tuple[Path, int, int], ...]) -> Mechanism:
-    return load_mechanism(source)
+def _loaded(source: Path, seed: Positions | None, files: tuple[tuple[Path, int, int], ...]) -> Mechanism:
+    return build_mechanism(read(source).seeded(seed))
 
 
 def _source_of(mechanism: Mechanism) -> str:

@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 
 from pkmsea.errors import Infeasible, InputError, NotConverged, SolveError, blaming
@@ -23,6 +22,7 @@ from pkmsea.transcription import Transcription, transcribe
 
 REFINED = 4  # best distinct optima that are refined, so that a verified one can be chosen
 NEAR = 0.05  # of the best, relative: those farther away are not refined
+ROUNDS = 3  # of refining the next best, while none of those before is verified
 GAIN = 2.0  # times what refining has gained the best: what it may gain another
 
 
@@ -119,22 +119,36 @@ def select(
     """
     problem = transcription.problem
     finished = [start for start in starts if start.finished]
-    candidates = _promising(distinct(finished or starts))
+    optima = distinct(finished or starts)
+    candidates = _promising(optima)
     candidates += [start for start in required if start.usable and start not in candidates]
     if not candidates and interrupted:
         raise KeyboardInterrupt
     if not candidates:
         raise _nothing_found(transcription, starts)
-    found: list[Refined | None] = []
-    if not interrupted:
+
+    def solution(of: Refined) -> Solution:
+        seconds = time.perf_counter() - begin
+        return Solution(problem, of.motion, of.audit.claimed, tuple(starts), of.meshes, seconds, interrupted)
+
+    best: Solution | None = None
+    rest = [start for start in optima if start not in candidates]
+    for _ in range(ROUNDS):
+        if not candidates or interrupted:
+            break
         found, interrupted = _refined(transcription, workers, candidates, required)
-    if interrupted:
-        found = list(islice(filter(None, (unrefined(transcription, start) for start in candidates)), 1))
-    best = min((x for x in found if x is not None), key=lambda x: x.rank, default=None)
+        ranked = [solution(x) for x in sorted(filter(None, found), key=lambda x: x.rank)]
+        if verified := next((s for s in ranked if s.verified), None):
+            return verified
+        best = best or next(iter(ranked), None)
+        candidates, required = _promising(rest), ()
+        rest = rest[len(candidates) :]
+    if best is None and interrupted:
+        plain = filter(None, (unrefined(transcription, start) for start in candidates))
+        best = next(map(solution, plain), None)
     if best is None:
         raise _unusable(problem)
-    seconds = time.perf_counter() - begin
-    return Solution(problem, best.motion, best.audit.claimed, tuple(starts), best.meshes, seconds, interrupted)
+    return best
 
 
 def _refined(
@@ -165,7 +179,7 @@ def solve_all(task: Task | str | Path, *, workers: int | None = None) -> list[So
 
 
 def _promising(optima: list[Start]) -> list[Start]:
-    """The best few, which a finer mesh may bring into another order."""
+    """The best few, at least one, which a finer mesh may bring into another order."""
     return [start for start in optima if start.claimed <= (1 + NEAR) * optima[0].claimed][:REFINED]
 
 

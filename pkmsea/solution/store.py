@@ -109,7 +109,7 @@ def changed(path: Path) -> str:
     if not is_file(source):
         return ""
     try:
-        said = read(source)
+        said = read(source).seeded(description.origin.seed)
         same = description.fits(plane.put_right(said, build_model(said)))
     except InputError:
         same = False

@@ -10,7 +10,7 @@ from typing import Any
 
 from pkmsea.description import find
 from pkmsea.description.source import read_source
-from pkmsea.errors import NameNotFound
+from pkmsea.errors import InputError, NameNotFound
 from pkmsea.files import parse
 from pkmsea.study.geometry import changed_mechanism
 from pkmsea.study.keys import Missing, assign
@@ -76,6 +76,11 @@ def _actuated(source: Path) -> tuple[str, ...]:
 
 
 def _with_mechanisms(task: Task, numbers: Mapping[str, float], folder: Path) -> Task:
+    if any(setup.seed for setup in task.setups) and (of_seed := [key for key in numbers if key.startswith("seed.")]):
+        raise InputError(
+            "A setup of the task has a seed, which goes before the mechanism's.", "Take it out of the task.",
+            key=f"{MECHANISM}{of_seed[0]}",
+        )  # fmt: skip
     sources = {setup.mechanism: task.mechanism_source(setup) for setup in task.setups}
     folders, left = {}, dict[str, Missing]()
     reached = set[str]()

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pkmsea.actuation.cost import COSTS
-from pkmsea.actuation.drive import Drive
+from pkmsea.actuation.drive import Drive, Number
 from pkmsea.errors import InputError, NameNotFound
 from pkmsea.files import FromFile, Name, Record, read
 from pkmsea.task.cycle import Cycle, Limits
@@ -74,6 +74,9 @@ class Setup(Record):
 
     name: Name
     mechanism: str = Field(description="folder, relative to the task file, or a mechanism that pkmsea ships")
+    seed: dict[Name, Number] | None = Field(
+        None, min_length=1, description="another assembly mode than the mechanism's, as joint positions [rad, m]"
+    )
     drives: tuple[Drive, ...] = Field(min_length=1, description="one for all, or one per actuated joint")
     options: Options | None = None
 

@@ -38,10 +38,13 @@ def solutions(
     return found + [_failure(error, cost, setup=name) for name, error in failures.items()]
 
 
-def rows(found: Sequence[Row], failures: Mapping[tuple[int, str], SolveError]) -> list[dict[str, Any]]:
+def rows(found: Sequence[Row], failures: Mapping[tuple[int, str, str], SolveError]) -> list[dict[str, Any]]:
     """The paper's rows, table by table."""
     best_first = sorted(found, key=lambda row: (row.table, not row.solution.verified))
-    failed = [_failure(error, table=number, setup=name) for (number, name), error in failures.items()]
+    failed = [
+        _failure(error, table=number, reading=reading, setup=name)
+        for (number, reading, name), error in failures.items()
+    ]
     return [row.record() for row in best_first] + failed
 
 

@@ -124,28 +124,40 @@ def print_verifications(found: Mapping[str, Verification], failures: Mapping[str
             out.print(f"{name}: {v.status}", markup=False)
 
 
-def print_rows(rows: Sequence[Row], failures: Mapping[tuple[int, str], SolveError]) -> None:
-    """The paper's tables beside ours; what is not verified comes behind, what failed at the end."""
+def print_rows(rows: Sequence[Row], failures: Mapping[tuple[int, str, str], SolveError]) -> None:
+    """The paper's tables, and under each of its rows ours in each reading; what failed comes at the end."""
     out = console()
     for number in sorted({row.table for row in rows}):
         chosen = [row for row in rows if row.table == number]
-        assumed = ", ".join(f"{key} {value:.4g}" for key, value in chosen[0].assumed.items())
+        calibrated = {
+            row.reading: ", ".join(f"{key} {value:.4g}" for key, value in row.assumed.items()) for row in chosen
+        }
+        told = "; ".join(f"{reading} {numbers}" for reading, numbers in calibrated.items())
         table = Table(
-            title=f"Table {number}: {chosen[0].title}", caption=f"assumed: {assumed}, and what assumed.yaml lists",
+            title=f"Table {number}: {chosen[0].title}", caption=f"calibrated: {told}; assumed: see assumed.yaml",
             box=box.SIMPLE_HEAD, title_justify="left", caption_justify="left",
         )  # fmt: skip
-        for name in ("setup", "E paper", "E claimed", "E true [J]", "ratio paper", "ratio", "c paper", "c", "status"):
-            table.add_column(name, justify="left" if name in ("setup", "c paper", "c", "status") else "right")
-        table.add_column("remark", justify="left")
-        for row in ranked(chosen, lambda row: row.solution.verified):
-            s = row.solution
-            table.add_row(
-                row.setup, _or_dash(row.paper_energy, ".3g"), f"{s.claimed:.4g}", f"{s.energy:.4g}",
-                _or_dash(row.paper_ratio, ".1%"), _ratio(row.ratio, row.reference_verified is False),
-                _springs(row.paper_stiffness), _springs(s.stiffness), s.status, row.remark,
-            )  # fmt: skip
-        for (_, name), error in ((key, error) for key, error in failures.items() if key[0] == number):
-            table.add_row(name, *"-------", failure_status(error), "")
+        for name in ("setup", "", "E [J]", "ratio", "at its springs", "stiffness", "status", "remark"):
+            table.add_column(name, justify="right" if name in ("E [J]", "ratio", "at its springs") else "left")
+        for setup in dict.fromkeys(row.setup for row in ranked(chosen, lambda row: row.solution.verified)):
+            of_setup = [row for row in chosen if row.setup == setup]
+            paper = of_setup[0]
+            if paper.paper_energy is not None:
+                table.add_row(
+                    setup, "paper", f"{paper.paper_energy:.3g}", _or_dash(paper.paper_ratio, ".1%"), "",
+                    _springs(paper.paper_stiffness),
+                )  # fmt: skip
+            for row in of_setup:
+                s = row.solution
+                table.add_row(
+                    "" if row.paper_energy is not None or row is not paper else setup, row.reading, f"{s.energy:.4g}",
+                    _ratio(row.ratio, row.reference_verified is False), _or_dash(row.ratio_at_paper, ".1%"),
+                    _springs(s.stiffness), s.status, row.remark,
+                )  # fmt: skip
+            table.add_section()
+        for (of, reading, name), error in failures.items():
+            if of == number:
+                table.add_row(name, reading, *"----", failure_status(error), "")
         out.print(table)
 
 

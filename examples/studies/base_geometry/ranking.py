@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pkmsea.paper.reproduce import paper_tables
+from pkmsea.paper.readings import paper_tables
 
 TABLE = {"no friction": 2, "friction": 3, "high inertia": 4}  # of the paper, by case
 BASE = ["radius", "turn", "s_A", "s_B", "s_C"]

@@ -11,7 +11,7 @@ import numpy as np
 from scheme import KNOTS
 
 from pkmsea.motion import Motion
-from pkmsea.paper.reproduce import paper_task
+from pkmsea.paper.readings import paper_task
 from pkmsea.problem import Problem, build_problem
 from pkmsea.solution.audit import audit
 from pkmsea.solver import Outcome, multistart
