@@ -34,14 +34,19 @@ def by_setup(rows: list[Row]) -> dict[str, Row]:
 
 
 def test_table_1() -> None:
-    rows = by_setup(list(reproduce([1], readings=["printed"], workers=1)))
+    rows = by_setup(list(reproduce([1], readings=["printed"], workers=1, setups=["FA-RD", "FA-SEA"])))
     assert all(row.solution.verified for row in rows.values())
     assert rows["FA-RD"].solution.energy == pytest.approx(4.07, rel=0.005)
     assert rows["FA-SEA"].solution.energy == pytest.approx(2.776, rel=0.01)
     assert rows["FA-SEA"].solution.stiffness[0] == pytest.approx(79.2, rel=0.01)
-    assert rows["RA-SEA"].solution.energy <= 1.245
     assert rows["FA-SEA"].remark.startswith("6.1 points below the paper: a rest of 0.24 s")
-    assert rows["RA-SEA"].ratio_at_paper == pytest.approx(0.44, abs=0.01)
+
+
+@pytest.mark.long
+def test_redundant_row_of_table_1() -> None:
+    *_, row = reproduce([1], readings=["printed"], setups=["FA-RD", "RA-SEA"])
+    assert row.solution.verified and row.solution.energy <= 1.245
+    assert row.ratio_at_paper == pytest.approx(0.44, abs=0.01)
 
 
 def test_the_rest_of_the_linear_axis() -> None:

@@ -4,6 +4,7 @@ pkmsea study examples/studies/rest_time.yaml -o results/rest_time
 python examples/studies/rest_time.py results/rest_time [figure.png]
 """
 
+import sqlite3
 import sys
 from pathlib import Path
 
@@ -20,7 +21,7 @@ MS = 1000
 
 def ratios(points: pd.DataFrame, case: str) -> pd.Series:
     """Energy of PKM SEA relative to that of PKM RD [%], over the rest [ms]."""
-    energy = points[points["case"] == case].pivot_table("energy [J]", "rest [s]", "setup", aggfunc="min")
+    energy = points[points["case"] == case].pivot_table("energy", "rest", "setup", aggfunc="min")
     energy.index *= MS
     return 100 * energy["PKM SEA"] / energy["PKM RD"]
 
@@ -44,7 +45,8 @@ def draw(panel: Axes, points: pd.DataFrame, table: int) -> None:
 
 def main(folder: Path, target: Path | None = None) -> None:
     """Print the ratios, and draw them."""
-    points = pd.read_csv(folder / "points.csv")
+    with sqlite3.connect(folder / "study.sqlite") as base:
+        points = pd.read_sql_query("SELECT * FROM points", base)
     table = pd.DataFrame({case: ratios(points, case) for case in points["case"].unique()})
     print(table.round(1).to_string())
     figure = Figure(figsize=(9.5, 4.2), layout="constrained")
