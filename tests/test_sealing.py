@@ -18,6 +18,7 @@ from pkmsea.errors import NotConverged, SolveError
 from pkmsea.paper import Row, reproduce
 from pkmsea.solution import Solution, solve
 from pkmsea.solution.store import load, read_dataset
+from pkmsea.task import Task
 from pkmsea.verification import verify
 from pkmsea.views import figures, playback, records, tables
 
@@ -96,6 +97,22 @@ def test_a_failed_row_does_not_stop_reproduce(monkeypatch: pytest.MonkeyPatch, g
     assert [(r.ratio, r.reference_verified) for r in rows] == [(None, None)] * 2
     with pytest.raises(NotConverged):
         list(reproduce([1]))
+
+
+@pytest.mark.parametrize("error", [FAILURE, KeyboardInterrupt()])
+def test_a_row_is_kept_where_the_papers_springs_have_no_motion(
+    monkeypatch: pytest.MonkeyPatch, good: Solution, error: BaseException
+) -> None:
+    def solve_free_springs(task: Task, name: str, **_: object) -> Solution:
+        if isinstance(task.setup(name).drives[0].stiffness, float):
+            raise error
+        return good
+
+    monkeypatch.setattr(import_module("pkmsea.paper.reproduce"), "solve", solve_free_springs)
+    rows = reproduce([1], readings=["printed"], setups=["FA-RD", "FA-SEA"])
+    assert [next(rows).at_paper for _ in range(2)] == [None, None]
+    with pytest.raises(KeyboardInterrupt if isinstance(error, KeyboardInterrupt) else StopIteration):
+        next(rows)
 
 
 def test_verify_does_not_confirm_what_the_audit_rejects(bad: Solution, capsys: pytest.CaptureFixture[str]) -> None:

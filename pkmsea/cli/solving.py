@@ -117,7 +117,7 @@ def reproduce(
                 if out is not None:
                     setups = [setup.name for setup in table_task(row.table, reading=row.reading).setups]
                     written += save_result(row.solution, folder_of(out, row.reading, row.table), setups)
-                ending.stop_if(row.solution.interrupted)
+                ending.stop_if(row.interrupted)
         except (PkmseaError, KeyboardInterrupt) as error:
             stopped = error
     if json_:

@@ -54,6 +54,11 @@ class Row:
         return self.solution.name
 
     @property
+    def interrupted(self) -> bool:
+        """Whether an interrupt ended a solve of this row."""
+        return any(s is not None and s.interrupted for s in (self.solution, self.at_paper))
+
+    @property
     def ratio(self) -> float | None:
         return self._relative(self.solution)
 
@@ -136,14 +141,22 @@ def reproduce(
                 tell = None if report is None else (lambda s, n=name, t=table, r=reading: report(t, r, n, s))
                 try:
                     solution = solve(task, name, workers=workers, progress=tell)
-                    rigid = solution if name == RIGID[table] else rigid
-                    at_paper = None if solution.interrupted else _at_paper(table, task, name, workers)
                 except SolveError as error:
                     if failed is None:
                         raise
                     failed(table, reading, name, error)
                     continue
+                rigid = solution if name == RIGID[table] else rigid
+                at_paper, interrupt = None, None
+                try:
+                    at_paper = None if solution.interrupted else _at_paper(table, task, name, workers)
+                except SolveError:
+                    pass
+                except KeyboardInterrupt as error:
+                    interrupt = error
                 yield _row(table, reading, solution, at_paper, rigid, numbers)
+                if interrupt is not None:
+                    raise interrupt
 
 
 def _at_paper(table: int, task: Task, name: str, workers: int | None) -> Solution | None:
