@@ -82,9 +82,12 @@ def _said(joint: Element, file: Path) -> dict[str, float]:
         if math.isnan(said[key]) or (key in LARGEST and said[key] < 0):
             what = "a number" if math.isnan(said[key]) else "a magnitude, which cannot be negative"
             raise MechanismError(
-                f"This is not {what}.", "Give it in rad, m, s, N and kg, or leave it out.", file=file,
-                key=f"joint '{joint.get('name')}': limit {key}", value=text,
-            )  # fmt: skip
+                f"This is not {what}.",
+                "Give it in rad, m, s, N and kg, or leave it out.",
+                file=file,
+                key=f"joint '{joint.get('name')}': limit {key}",
+                value=text,
+            )
     return said
 
 

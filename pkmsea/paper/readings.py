@@ -75,7 +75,7 @@ def _held(setup: Setup, speed: float, stiffness: tuple[float, float]) -> Setup:
     drives = (
         d.model_copy(update={"speed": speed, "stiffness": d.stiffness and Bounds(bounds=stiffness)})
         for d in setup.drives
-    )  # fmt: skip
+    )
     return setup.model_copy(update={"drives": tuple(drives)})
 
 
@@ -86,9 +86,7 @@ def at_stiffness(setup: Setup, stiffness: tuple[float, ...]) -> Setup:
     return setup.model_copy(update={"drives": tuple(d.model_copy(update={"stiffness": c}) for d, c in pairs)})
 
 
-def calibrated_numbers(
-    table: int, note: Callable[[str], None] | None = None, reading: Reading = "printed"
-) -> Numbers:  # fmt: skip
+def calibrated_numbers(table: int, note: Callable[[str], None] | None = None, reading: Reading = "printed") -> Numbers:
     """The drive numbers of a table, each calibrated on a rigid row of the paper (see assumed.yaml)."""
     numbers: Numbers = {}
     for number, of in CALIBRATED[table].items():

@@ -78,9 +78,10 @@ def _actuated(source: Path) -> tuple[str, ...]:
 def _with_mechanisms(task: Task, numbers: Mapping[str, float], folder: Path) -> Task:
     if any(setup.seed for setup in task.setups) and (of_seed := [key for key in numbers if key.startswith("seed.")]):
         raise InputError(
-            "A setup of the task has a seed, which goes before the mechanism's.", "Take it out of the task.",
+            "A setup of the task has a seed, which goes before the mechanism's.",
+            "Take it out of the task.",
             key=f"{MECHANISM}{of_seed[0]}",
-        )  # fmt: skip
+        )
     sources = {setup.mechanism: task.mechanism_source(setup) for setup in task.setups}
     folders, left = {}, dict[str, Missing]()
     reached = set[str]()

@@ -100,7 +100,10 @@ def _functions(nlp: Nlp, select: ca.DM, widen: ca.DM, scale: float) -> tuple[ca.
             "nlp_jac_g", [z, p], [rows, ca.horzcat(ca.mtimes(select, jacobian), widen)], given, ["g", "jac_g_x"]
         ),
         "hess_lag": ca.Function(
-            "nlp_hess_l", [z, p, lam_f, lam_g], [ca.diagcat(bend, ca.MX(count, count))], [*given, *weights],
+            "nlp_hess_l",
+            [z, p, lam_f, lam_g],
+            [ca.diagcat(bend, ca.MX(count, count))],
+            [*given, *weights],
             ["triu_hess_gamma_x_x"],
         ),
-    }  # fmt: skip
+    }
