@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -219,6 +220,14 @@ def test_setups_share_calibrated_numbers(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(jobs, "calibrated", lambda *_: pytest.fail("searched again"))
     again = run_study(path, tmp_path / "out", workers=1)
     pd.testing.assert_frame_equal(plain(again.table), plain(result.table))
+
+
+def test_an_interrupt_ends_a_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = sys.modules[calibrate.__module__]
+    cut = replace(solve(Task.model_validate(TASK), "rigid", workers=1), interrupted=True)
+    monkeypatch.setattr(module, "solve", lambda *_, **__: cut)
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(Task.model_validate(TASK), "rigid", "friction", 4.0, 2.0)
 
 
 def test_an_energy_that_is_not_verified_calibrates_nothing() -> None:

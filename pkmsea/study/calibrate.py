@@ -48,6 +48,7 @@ def calibrated(problem: Problem, number: Number, energy: float, start: float, to
     Raises
     ------
     SolveError : no value reaches the energy. Unverified : the least energy at a value is not verified.
+    KeyboardInterrupt
     """
     single = replace(problem, options=problem.options.model_copy(update={"starts": 1}))
     last: list[Solution] = []  # a neighbour, from which the next one is found sooner
@@ -59,6 +60,8 @@ def calibrated(problem: Problem, number: Number, energy: float, start: float, to
         solution = solve(at_value, workers=1, near=last[-1] if last else None)
         if last and not solution.verified:
             solution = solve(at_value, workers=1)
+        if solution.interrupted:
+            raise KeyboardInterrupt
         last[:] = [solution]
         if not solution.verified:
             raise Unverified(
