@@ -113,6 +113,6 @@ def test_whole_turns_bring_joints_into_their_range(tmp_path: Path) -> None:
     mechanism = around(scara(tmp_path), RIGID).mechanism
     ranges = np.array([[-3.2, -np.inf], [3.2, np.inf]])
     q = np.array([[3.3, 3.4, 3.35], [0.1, 0.2, 0.1]])
-    np.testing.assert_allclose(turns.within(mechanism, q, ranges), q - [[turns.TURN], [0]])
+    np.testing.assert_allclose(mechanism.within(q, ranges), q - [[turns.TURN], [0]])
     wide = np.array([[-3.0, 3.4], [0.1, 0.2]])
-    np.testing.assert_array_equal(turns.within(mechanism, wide, ranges), wide)
+    np.testing.assert_array_equal(mechanism.within(wide, ranges), wide)

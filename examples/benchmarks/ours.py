@@ -15,6 +15,7 @@ from pkmsea.motion.bases import SplineBasis
 from pkmsea.motion.series import Series, series
 from pkmsea.paper.readings import paper_task
 from pkmsea.problem import Problem, build_problem
+from pkmsea.problem.bounds import near
 from pkmsea.solution.audit import audit
 from pkmsea.solver.ipopt import solve_nlp
 from pkmsea.task import Chain, Options, Spline, TaskLimits
@@ -80,7 +81,7 @@ def solve(transcription: Transcription, x: np.ndarray, last_step: bool = False) 
         steps = range(nlp.steps - 1 if last_step else 0, nlp.steps)
         points.append(solve_nlp(nlp, transcription.problem.options, steps, warm=last_step))
         x = points[-1].x
-        limited = transcription.near_limits(x, 0.0)
+        limited = near(transcription.excesses(x), 0.0)
         if not points[-1].usable or not limited:
             break
     record = {

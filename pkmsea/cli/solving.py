@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from pkmsea import ending
 from pkmsea.cli.app import Json, Out, Workers, app, emit, end, tell_written
+
+if TYPE_CHECKING:
+    from pkmsea.paper import Row
 
 
 @app.command()
@@ -86,11 +90,11 @@ def reproduce(
     ending.defer()
     from pkmsea.errors import PkmseaError, SolveError
     from pkmsea.files import check_writable
-    from pkmsea.paper import READINGS, Reading, Row, table_task
+    from pkmsea.paper import READINGS, table_task
     from pkmsea.paper import reproduce as rows_of
     from pkmsea.paper.readings import TABLES
     from pkmsea.views import records, tables
-    from pkmsea.views.output import save_overview, save_result
+    from pkmsea.views.output import save_result
 
     if out is not None:
         check_writable(out)
@@ -101,22 +105,16 @@ def reproduce(
     chosen = sorted(set(table)) if table else TABLES
     read = [reading] if reading else READINGS
     with tables.progress(quiet=json_) as report:
-
-        def tell(number: int, of: Reading, name: str, start: Any) -> None:
-            report(f"table {number} {of}, {name}", starts or table_task(number, reading=of).options.starts)(start)
-
-        def fail(number: int, of: str, name: str, error: SolveError) -> None:
-            failures[number, of, name] = error
-
         try:
             found = rows_of(
-                chosen, readings=read, workers=workers, report=tell, note=report.note, starts=starts, failed=fail
-            )
+                chosen, readings=read, workers=workers, report=report, note=report.note, starts=starts,
+                failed=lambda *what: failures.update({what[:3]: what[3]}),
+            )  # fmt: skip
             for row in ending.each(found):
                 rows.append(row)
                 if out is not None:
                     setups = [setup.name for setup in table_task(row.table, reading=row.reading).setups]
-                    written += save_result(row.solution, folder_of(out, row.reading, row.table), setups)
+                    written += save_result(row.solution, _folder(out, row.reading, row.table), setups)
                 ending.stop_if(row.interrupted)
         except (PkmseaError, KeyboardInterrupt) as error:
             stopped = error
@@ -125,15 +123,25 @@ def reproduce(
     else:
         tables.print_rows(rows, failures)
     if out is not None:
-        for of, number in dict.fromkeys((row.reading, row.table) for row in rows if not _interrupted(stopped)):
-            together = [row.solution for row in rows if (row.reading, row.table) == (of, number)]
-            failed = [name for n, r, name in failures if (r, n) == (of, number)]
-            written.append(save_overview(together, folder_of(out, of, number), failed))
+        if not _interrupted(stopped):
+            written += _overviews(rows, failures, out)
         tell_written(written, json_)
     end(failures, stopped)
 
 
-def folder_of(out: Path, reading: str, table: int) -> Path:
+def _overviews(rows: Sequence[Row], failures: Collection[tuple[int, str, str]], out: Path) -> list[Path]:
+    """One figure per table and reading; `failures` are (table, reading, setup)."""
+    from pkmsea.views.output import save_overview
+
+    written = []
+    for table, reading in dict.fromkeys((row.table, row.reading) for row in rows):
+        solved = [row.solution for row in rows if (row.table, row.reading) == (table, reading)]
+        failed = [setup for *where, setup in failures if where == [table, reading]]
+        written.append(save_overview(solved, _folder(out, reading, table), failed))
+    return written
+
+
+def _folder(out: Path, reading: str, table: int) -> Path:
     return out / reading / f"table_{table}"
 
 

@@ -15,6 +15,8 @@ from pkmsea.bridge import TreeFunctions
 from pkmsea.description import CompleteDescription, JointLimits
 from pkmsea.mechanism.conditioning import turning
 
+TURN = 2 * np.pi  # [rad]
+
 ActuationClass = Literal["fully actuated", "redundantly actuated", "underactuated"]
 
 
@@ -95,6 +97,14 @@ class ClosedTree:
         """Whether a whole turn of each joint leaves the pose as it is (n): it turns, and is coupled to no other."""
         coupled = {name for c in self.description.couplings for name in (c.joint, c.of)}
         return [turns and name not in coupled for name, turns in zip(self.joints, self.revolute, strict=True)]
+
+    def within(self, q: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+        """A path q (n, k), its joints turned by whole turns where that brings them nearer to their ranges (2, n)."""
+        below, above = ranges[0] - q.min(axis=1), q.max(axis=1) - ranges[1]
+        turns = np.where(above > 0, -np.ceil(above / TURN), np.where(below > 0, np.ceil(below / TURN), 0.0))
+        turned = np.maximum(below - turns * TURN, above + turns * TURN)
+        nearer = np.array(self.turnable) & (turned < np.maximum(below, above))
+        return np.asarray(q + np.where(nearer, turns * TURN, 0.0)[:, None])
 
     @cached_property
     def limits(self) -> list[JointLimits]:

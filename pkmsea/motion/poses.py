@@ -49,7 +49,7 @@ def poses_along(poses: Poses, y: np.ndarray, ranges: np.ndarray) -> tuple[np.nda
         q, gained = _follow(poses, y)
     except Unreachable as error:
         raise FloatingPointError("the path leaves the workspace") from error
-    return turns.within(poses.mechanism, q, ranges), gained
+    return poses.mechanism.within(q, ranges), gained
 
 
 def _follow(poses: Poses, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -48,6 +48,14 @@ class Series:
         return of[bound.quantity][:, bound.index]
 
 
+def limited_signal(bound: Bound, motion: Motion, t: np.ndarray, s: Series | None) -> np.ndarray:
+    """What a bound limits, at the instants t of a series (points,); the end effector's needs no series."""
+    if bound.of_end_effector:
+        return motion.flat_output(t, bound.order)[:, bound.index]
+    assert s is not None
+    return s.limited(bound)
+
+
 def series(problem: Problem, motion: Motion, points: int | None = None) -> Series:
     """Every quantity of a motion by the exact flat map.
 

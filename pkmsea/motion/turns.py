@@ -9,8 +9,8 @@ import numpy as np
 
 from pkmsea.actuation import Actuation
 from pkmsea.mechanism import Mechanism
+from pkmsea.mechanism.closed_tree import TURN
 
-TURN = 2 * np.pi  # [rad]
 ROUNDING = 1e-6  # [rad, m] of a gain
 
 
@@ -19,15 +19,6 @@ def gain(mechanism: Mechanism, first: np.ndarray, last: np.ndarray) -> np.ndarra
     found = last - first
     whole = np.where(mechanism.revolute, TURN * np.round(found / TURN), 0.0)
     return np.asarray(np.where(np.abs(found - whole) <= ROUNDING, whole, found)) + 0.0
-
-
-def within(mechanism: Mechanism, q: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-    """A path q (n, k), its joints turned by whole turns where that brings them nearer to their ranges (2, n)."""
-    below, above = ranges[0] - q.min(axis=1), q.max(axis=1) - ranges[1]
-    turns = np.where(above > 0, -np.ceil(above / TURN), np.where(below > 0, np.ceil(below / TURN), 0.0))
-    turned = np.maximum(below - turns * TURN, above + turns * TURN)
-    nearer = np.array(mechanism.turnable) & (turned < np.maximum(below, above))
-    return np.asarray(q + np.where(nearer, turns * TURN, 0.0)[:, None])
 
 
 def fault(actuation: Actuation, ranges: np.ndarray, gained: np.ndarray) -> str:

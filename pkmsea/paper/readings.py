@@ -50,10 +50,15 @@ def assumed() -> dict[str, Any]:
     return found
 
 
+@cache
+def _printed(robot: str) -> Task:
+    return load_task(FOLDER / f"{robot}.yaml")
+
+
 def paper_task(table: int, numbers: Numbers | None = None, reading: Reading = "printed") -> Task:
     """The task of a table in one reading, with calibrated numbers of the drives put in."""
     robot = "linear_axis" if table == 1 else "pkm"
-    said, task = assumed()["readings"][reading], load_task(FOLDER / f"{robot}.yaml")
+    said, task = assumed()["readings"][reading], _printed(robot)
     points = tuple(point.model_copy(update={"rest": said["rest"]["value"][robot]}) for point in task.cycle.points)
     setups = tuple(s.model_copy(update={"seed": said["seed"]["value"].get(s.mechanism)}) for s in task.setups)
     task = task.model_copy(update={"cycle": task.cycle.model_copy(update={"points": points}), "setups": setups})

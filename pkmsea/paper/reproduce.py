@@ -27,7 +27,7 @@ from pkmsea.task import Task
 POINTS_OF_DIFFERENCE = 3.0  # percentage points of the ratio beyond which a row carries a remark
 AT_PAPER_STARTS = 6  # of a solve at the paper's own springs, at most
 
-Report = Callable[[int, Reading, str, Start], None]
+Report = Callable[[str, int], Callable[[Start], None]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ def reproduce(
                 task = task.with_starts(starts)
             rigid: Solution | None = None
             for name in [s.name for s in task.setups if setups is None or s.name in setups]:
-                tell = None if report is None else (lambda s, n=name, t=table, r=reading: report(t, r, n, s))
+                tell = report and report(f"table {table} {reading}, {name}", task.options.starts)
                 try:
                     solution = solve(task, name, workers=workers, progress=tell)
                 except SolveError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
@@ -16,7 +16,6 @@ from pkmsea.task import Cycle, Limits, TaskLimits
 
 MOTIONS = {"end_effector": ("r_E", "dr_E", "ddr_E"), "joints": ("q", "dq", "ddq")}  # by order of their derivative
 DRIVES = {"torque": "tau", "speed": "speed"}  # by key of a drive
-TURN = 2 * np.pi  # [rad]
 KEYS = ("position", "velocity", "acceleration")
 POSED = 1e-9  # of a limit's size: rounding of a pose
 TINY = 1e-12  # keeps ratios finite where nothing moves
@@ -73,6 +72,11 @@ class Bound:
         return [side for side, excess in zip(sides, self.excesses(values), strict=True) if excess >= -TOUCHING]
 
 
+def near(excesses: Mapping[str, float], within: float) -> tuple[str, ...]:
+    """Labels of the limits that a motion comes near to, `within` a share of their size, or oversteps by -within."""
+    return tuple(label for label, excess in excesses.items() if excess >= -within)
+
+
 def bounds_of(actuation: Actuation, limits: TaskLimits) -> tuple[Bound, ...]:
     """All limits of a robot, the tighter one where two hold for the same signal.
 
@@ -94,8 +98,10 @@ def bounds_of(actuation: Actuation, limits: TaskLimits) -> tuple[Bound, ...]:
     return tuple(found.values())
 
 
-def check_points(bounds: tuple[Bound, ...], cycle: Cycle, mechanism: Mechanism, poses: Sequence[np.ndarray]) -> None:
-    """Refuse position limits that exclude an operating point, or its pose, one of `poses`.
+def check_points(
+    bounds: tuple[Bound, ...], ranges: np.ndarray, cycle: Cycle, mechanism: Mechanism, poses: Sequence[np.ndarray]
+) -> None:
+    """Refuse position limits that exclude an operating point, or its pose, one of `poses`, whatever its whole turns.
 
     Raises
     ------
@@ -105,9 +111,11 @@ def check_points(bounds: tuple[Bound, ...], cycle: Cycle, mechanism: Mechanism, 
     for (i, point), bound in product(enumerate(cycle.points), positions):
         if bound.of_end_effector:
             at, unit = point.at[bound.index], mechanism.end_effector_units[bound.index]
+            turned = np.array([at])
         else:
-            at, unit = _turned(float(poses[i][bound.index]), bound, mechanism), mechanism.units[bound.index]
-        if bound.excess(np.array([at])) <= POSED:
+            at, unit = float(poses[i][bound.index]), mechanism.units[bound.index]
+            turned = mechanism.within(poses[i][:, None], ranges)[bound.index]
+        if bound.excess(turned) <= POSED:
             continue
         stated = bound.stated[int(at > bound.upper)]
         of_task = stated.startswith("limits.")
@@ -121,14 +129,6 @@ def check_points(bounds: tuple[Bound, ...], cycle: Cycle, mechanism: Mechanism, 
             key=stated if of_task else f"cycle.points.{i}.at",
             value=[bound.lower, bound.upper] if of_task else list(point.at),
         )
-
-
-def _turned(at: float, bound: Bound, mechanism: Mechanism) -> float:
-    """The position of a joint at a pose, or the same by whole turns if that is within the limit."""
-    if not mechanism.turnable[bound.index] or bound.lower <= at <= bound.upper:
-        return at
-    turns = np.ceil((bound.lower - at) / TURN) if at < bound.lower else np.floor((bound.upper - at) / TURN)
-    return float(at + turns * TURN) if bound.lower <= at + turns * TURN <= bound.upper else at
 
 
 def _of_task(group: str, names: list[str], limits: Limits) -> Iterator[Bound]:

@@ -81,7 +81,7 @@ class Problem:
         for derived in ("actuation", "bounds"):  # they raise where something does not fit
             getattr(self, derived)
         centers = self.actuation.poses[:: len(CORNERS) ** len(axes)]
-        check_points(self.bounds, self.cycle, self.mechanism, centers)
+        check_points(self.bounds, self.ranges, self.cycle, self.mechanism, centers)
 
     def _check_name(self, key: str) -> None:
         try:

@@ -13,6 +13,7 @@ from pkmsea.errors import one_line
 from pkmsea.kernels import Batch
 from pkmsea.mechanism import pose
 from pkmsea.motion import Motion, Series, series, turns
+from pkmsea.motion.series import limited_signal
 from pkmsea.problem import Problem
 from pkmsea.problem.bounds import TOUCHING
 
@@ -95,9 +96,7 @@ def audit(problem: Problem, motion: Motion, claimed: float) -> tuple[Audit, Seri
     closed = mechanism.functions["closure_residual"].map(s.t.size)(s.q.T)
     closure = float(np.abs(np.array(closed)).max(initial=0.0))
     window, outside = _window_excess(problem, motion), _out_of_bounds(problem, motion)
-    signals = {
-        b: motion.flat_output(s.t, b.order)[:, b.index] if b.of_end_effector else s.limited(b) for b in problem.bounds
-    }
+    signals = {bound: limited_signal(bound, motion, s.t, s) for bound in problem.bounds}
     limits = {bound.label: bound.excess(values) for bound, values in signals.items()}
     touched = [side for bound, values in signals.items() for side in bound.touched(values)]
     binding = (*touched, *_springs_at_bounds(problem, motion))

@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmsea.motion import Motion
 from pkmsea.problem import Problem
-from pkmsea.problem.bounds import TOUCHING
+from pkmsea.problem.bounds import TOUCHING, near
 from pkmsea.solver.ipopt import solve_nlp
 from pkmsea.task import Cycle
 from pkmsea.transcription import Transcription, transcribe
@@ -39,26 +39,28 @@ class Widened:
 
 def widened(transcription: Transcription, x: np.ndarray, limited: Sequence[str] = ()) -> Widened | None:
     """From a trajectory; None where none keeps the rest windows, whatever the limits, or nothing is limited."""
+    excesses = None
     for _ in range(ROUNDS):
         try:
-            limited = tuple(dict.fromkeys([*limited, *transcription.near_limits(x, NEAR)]))
+            excesses = transcription.excesses(x) if excesses is None else excesses
+            limited = tuple(dict.fromkeys([*limited, *near(excesses, NEAR)]))
             found = transcription.relaxed(x, limited)
             if found is None:
                 return None
             nlp, sides = found
             point = solve_nlp(nlp, transcription.problem.options)
             x, shares = np.split(point.x, [point.x.size - len(sides)])
-            over = transcription.near_limits(x, 0.0)
+            excesses = transcription.excesses(x)
         except FloatingPointError:
             return None
         if not point.usable:
             return None
-        if set(over) <= set(limited):
+        if set(near(excesses, 0.0)) <= set(limited):
             break
     motion = transcription.motion(x)
     pairs = tuple(zip(sides, shares.tolist(), strict=True))
     wide = {side.bound.label for side, share in pairs if share > NONE}
-    reached = tuple(label for label in transcription.near_limits(x, TOUCHING) if label not in wide)
+    reached = tuple(label for label in near(excesses or {}, TOUCHING) if label not in wide)
     return Widened(x, motion, pairs, reached)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmsea.motion import Motion
 from pkmsea.problem import Problem
-from pkmsea.problem.bounds import TOUCHING
+from pkmsea.problem.bounds import TOUCHING, near
 from pkmsea.solution.refine import Mesh
 from pkmsea.solver.ipopt import STAGNANT, Outcome
 from pkmsea.solver.optimality import SAVING, Optimality, last_parameter, optimality
@@ -42,7 +42,7 @@ def optimality_of(problem: Problem, motion: Motion, meshes: Sequence[Mesh], unit
     found = None
     for within in (None, TOUCHING):  # like the solve, which puts the limits of drives and joints in where it needs them
         try:
-            limited = () if within is None else transcription.near_limits(x, within)
+            limited = () if within is None else near(transcription.excesses(x), within)
             nlp = transcription.nlp(x, limited)
             p = last_parameter(nlp, x)
             J = float(nlp.oracle(x, p)[0])

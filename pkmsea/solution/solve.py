@@ -112,7 +112,8 @@ def select(
     interrupted: bool = False,
     required: Sequence[Start] = (),
 ) -> Solution:
-    """Refine the best distinct optima of some starts; the best verified one is the solution. Raises as `solve` does.
+    """Refine the best distinct optima of some starts, and the next best where none of these is verified; the best
+    verified one is the solution. Raises as `solve` does.
 
     `begin` is when the starts began, by `time.perf_counter`; after an interrupt nothing is refined. The `required`
     starts are refined whatever they claim on the first mesh.

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmsea.motion import Motion
+from pkmsea.problem.bounds import near
 from pkmsea.solver.ipopt import Outcome, solve_nlp
 from pkmsea.solver.spread import collect, spread
 from pkmsea.transcription import Transcription
@@ -102,14 +103,14 @@ def improve(
             point = solve_nlp(nlp, options, range(nlp.steps)[steps] or range(nlp.steps)[LAST], warm)
             iterations += sum(point.iterations)
             claimed = transcription.claimed(point.x) if point.usable else np.inf
-            over = transcription.near_limits(point.x, 0.0) if point.usable else ()
-            near = transcription.near_limits(point.x, NEAR) if over else ()
+            excesses = transcription.excesses(point.x) if point.usable else {}
         except FloatingPointError:
             return Start(index, Outcome.STALLED, None, np.inf, (), iterations, time.perf_counter() - begin, limited)
+        over, close = near(excesses, 0.0), near(excesses, NEAR)
         if not over or (not warm and set(over) <= set(limited)):
             break
         seen += [x] if warm else []
-        x, limited = point.x, (*limited, *(label for label in near if label not in limited))
+        x, limited = point.x, (*limited, *(label for label in close if label not in limited))
     stiffness = tuple(transcription.motion(point.x).springs.values())
     seconds = time.perf_counter() - begin
     return Start(index, point.outcome, point.x, claimed, stiffness, iterations, seconds, limited)

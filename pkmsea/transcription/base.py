@@ -81,12 +81,12 @@ class Transcription(ABC):
     def motion(self, x: np.ndarray) -> Motion:
         """The motion that x stands for."""
 
-    def near_limits(self, x: np.ndarray, within: float) -> tuple[str, ...]:
-        """Labels of the limits that x comes near to, `within` a share of their size, or oversteps by -within.
+    def excesses(self, x: np.ndarray) -> dict[str, float]:
+        """How far x oversteps each limit at most, by its label, relative to its size; negative where it is kept.
 
         None by default: where the NLP holds all limits as far as it can.
         """
-        return ()
+        return {}
 
     def relaxed(self, x: np.ndarray, limited: Collection[str]) -> tuple[Nlp, list[Side]] | None:
         """The NLP around x with limits that may be widened, and their sides, whose shares follow x among its variables;

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from pkmsea.motion import Motion
-from pkmsea.motion.series import series
+from pkmsea.motion.series import limited_signal, series
 from pkmsea.problem import Bound, Problem
 
 DEGREE = 5  # of the periodic spline through instants
@@ -46,10 +46,7 @@ def exact(problem: Problem, motion: Motion, bounds: Sequence[Bound], count: int)
     """
     t = np.arange(count) * problem.cycle.period / count
     s = None if all(bound.of_end_effector for bound in bounds) else series(problem, motion, count)
-    return [
-        motion.flat_output(t, bound.order)[:, bound.index] if s is None or bound.of_end_effector else s.limited(bound)
-        for bound in bounds
-    ]
+    return [limited_signal(bound, motion, t, s) for bound in bounds]
 
 
 def extremes(problem: Problem, motion: Motion, bounds: Sequence[Bound], samples: int) -> list[np.ndarray]:

@@ -85,11 +85,10 @@ class FlatTranscription(Transcription):
     def motion(self, x: np.ndarray) -> Motion:
         return Motion.of(self.problem.actuation, self.basis, *self._free.robot.split(x))
 
-    def near_limits(self, x: np.ndarray, within: float) -> tuple[str, ...]:
+    def excesses(self, x: np.ndarray) -> dict[str, float]:
         bounds = self.problem.bounds
         signals = exact(self.problem, self.motion(x), bounds, FINER * self.samples) if bounds else []
-        pairs = zip(bounds, signals, strict=True)
-        return tuple(bound.label for bound, values in pairs if bound.excess(values + beyond(values)) >= -within)
+        return {b.label: b.excess(values + beyond(values)) for b, values in zip(bounds, signals, strict=True)}
 
     def refined(self) -> FlatTranscription:
         return FlatTranscription(self.problem, self.basis.finer().trajectory, 2 * self.samples)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pkmsea.actuation.cost import ENERGY, Cost
 from pkmsea.errors import Infeasible, SolveError
-from pkmsea.motion.turns import TURN
+from pkmsea.mechanism.closed_tree import TURN
 from pkmsea.paper import Row
 from pkmsea.solution import Solution
 from pkmsea.verification import Verification
